@@ -1,0 +1,1 @@
+//! Gaussian-process regression on its own: kernels, posteriors, evidence, fitting and scores.
