@@ -1,0 +1,28 @@
+//! What a policy is.
+
+use rand_chacha::ChaCha8Rng;
+use stridemap_returnmap::Action;
+
+/// A stochastic policy `π_w(x, u) = p(u | x; w)` \[MA09, eq. (8)\] with a normal density of diagonal
+/// covariance \[MA09, eq. (23)\], in the units of its process.
+pub trait Policy: Send + Sync {
+    /// The mean action at a state.
+    fn mean(&self, state: &[f64]) -> Action;
+
+    /// The standard deviation of each component of the action at a state; zeros for a
+    /// deterministic policy.
+    fn std(&self, state: &[f64]) -> Action;
+
+    /// Draws an action at a state.
+    fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+        use rand_distr::Distribution;
+        self.mean(state)
+            .iter()
+            .zip(self.std(state))
+            .map(|(m, s)| {
+                let z: f64 = rand_distr::StandardNormal.sample(rng);
+                m + s * z
+            })
+            .collect()
+    }
+}

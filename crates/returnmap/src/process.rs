@@ -1,0 +1,180 @@
+//! The trait that the robot, the learned map and the exact maps share.
+
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+
+/// A state at the section, in the units of [`ProcessSpec::state`].
+pub type State = SmallVec<[f64; 8]>;
+
+/// An action, in the units of [`ProcessSpec::action`].
+pub type Action = SmallVec<[f64; 8]>;
+
+/// One component of the state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StateDimension {
+    /// Name with unit, e.g. `"psi_roll_deg"`.
+    pub name: String,
+}
+
+/// One component of the action.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ActionDimension {
+    /// Name with unit, e.g. `"step_amplitude_deg"`.
+    pub name: String,
+    /// Smallest value that is ever applied.
+    pub lower: f64,
+    /// Largest value that is ever applied.
+    pub upper: f64,
+}
+
+/// What a learner may know of a process: how many numbers go in and out, and what they are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProcessSpec {
+    /// Components of the state.
+    pub state: Vec<StateDimension>,
+    /// Components of the action.
+    pub action: Vec<ActionDimension>,
+}
+
+/// How a stride ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StrideEnd {
+    /// The next section was reached.
+    Crossing,
+    /// The robot fell. Terminal.
+    Fell,
+    /// No section was reached within the time allowed. Terminal.
+    NoCrossing,
+    /// The equipment failed (link lost, emergency stop, simulator warning). Never training data.
+    Aborted,
+}
+
+impl StrideEnd {
+    /// Whether nothing follows this stride: its value is its reward alone, with no bootstrap.
+    #[must_use]
+    pub const fn is_terminal(self) -> bool {
+        matches!(self, Self::Fell | Self::NoCrossing)
+    }
+
+    /// The word used in files, e.g. `"crossing"`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Crossing => "crossing",
+            Self::Fell => "fell",
+            Self::NoCrossing => "no_crossing",
+            Self::Aborted => "aborted",
+        }
+    }
+}
+
+/// One stride: from one section to the next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stride {
+    /// The action as it was applied, after bounds and rate limits.
+    pub action: Action,
+    /// The state at the next section; where the stride ended otherwise, the last state known.
+    pub next_state: State,
+    /// r(k+1).
+    pub reward: f64,
+    /// How it ended.
+    pub end: StrideEnd,
+}
+
+/// What can go wrong inside a process. A fall is not an error: see [`StrideEnd`].
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProcessError {
+    /// An action has the wrong number of components.
+    #[error("action has {found} components, the process takes {expected}")]
+    ActionLength {
+        /// Components of [`ProcessSpec::action`].
+        expected: usize,
+        /// Components given.
+        found: usize,
+    },
+    /// A component of an action is NaN or infinite.
+    #[error("component {component} of the action is {value}; actions must be finite")]
+    ActionNotFinite {
+        /// Zero-based component.
+        component: usize,
+        /// The value given.
+        value: f64,
+    },
+    /// `stride` was called before `reset`, or after a stride that ended without a crossing.
+    #[error("the process has no state to go on from; reset it first")]
+    NotReset,
+    /// A parameter of the process lies outside its domain.
+    #[error("{name} = {value}: {requirement}")]
+    Parameter {
+        /// The parameter's name.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// What it must satisfy.
+        requirement: &'static str,
+    },
+    /// The Gaussian process behind a learned map failed.
+    #[error("the learned map failed: {0}")]
+    Map(#[from] stridemap_gp::GpError),
+    /// The world behind the process failed beyond what a stride can report.
+    #[error("{0}")]
+    World(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// A walking robot seen once per stride, or anything that behaves like one.
+///
+/// # Contract
+///
+/// - [`reset`](Self::reset) puts the process at the section and returns the state there.
+/// - [`stride`](Self::stride) applies an action until the next section. Actions outside
+///   [`ProcessSpec::action`]'s bounds are clipped to them; the action that was applied is in the
+///   answer.
+/// - After a stride that did not end with [`StrideEnd::Crossing`] the process must be reset.
+/// - Equal generators and equal actions give equal strides, to the bit.
+pub trait StrideProcess {
+    /// Names and bounds of states and actions.
+    fn spec(&self) -> &ProcessSpec;
+
+    /// Starts anew at the section.
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError`] if the process cannot be started.
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError>;
+
+    /// Applies an action until the next section.
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError`] for an action of the wrong length or not finite, for a process that was not
+    /// reset, or if the world behind the process fails.
+    fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError>;
+}
+
+/// Checks an action against a process: length and finiteness; then clips it to the bounds.
+///
+/// # Errors
+///
+/// [`ProcessError::ActionLength`] or [`ProcessError::ActionNotFinite`].
+pub fn clipped_action(spec: &ProcessSpec, action: &[f64]) -> Result<Action, ProcessError> {
+    if action.len() != spec.action.len() {
+        return Err(ProcessError::ActionLength {
+            expected: spec.action.len(),
+            found: action.len(),
+        });
+    }
+    if let Some(component) = action.iter().position(|a| !a.is_finite()) {
+        return Err(ProcessError::ActionNotFinite {
+            component,
+            value: action[component],
+        });
+    }
+    Ok(action
+        .iter()
+        .zip(&spec.action)
+        .map(|(a, d)| a.clamp(d.lower, d.upper))
+        .collect())
+}

@@ -1,0 +1,47 @@
+//! What can go wrong between a robot and its controller.
+
+/// What can go wrong between a robot and its controller. A fall is not an error.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RobotError {
+    /// A target is NaN or infinite; it was not sent.
+    #[error(
+        "target of {side:?} {joint} is {value_rad} rad; targets must be finite (nothing was sent)"
+    )]
+    NotFinite {
+        /// Side of the joint at fault.
+        side: crate::Side,
+        /// Name of the joint at fault.
+        joint: &'static str,
+        /// The value given.
+        value_rad: f64,
+    },
+    /// The robot cannot do this.
+    #[error("this robot does not support {what}")]
+    Unsupported {
+        /// What was asked.
+        what: &'static str,
+    },
+    /// A simulator raised a warning (bad state, full buffers): its state can no longer be trusted.
+    #[error("simulator warning at {time_s:.3} s: {warning}")]
+    Simulator {
+        /// Robot time.
+        time_s: f64,
+        /// The simulator's own words.
+        warning: String,
+    },
+    /// The robot reported a state that is not finite.
+    #[error("the robot's {field} is not finite at {time_s:.3} s")]
+    BadState {
+        /// Robot time.
+        time_s: f64,
+        /// The first field at fault.
+        field: &'static str,
+    },
+    /// The emergency stop is latched; the robot moves again only after it was re-armed.
+    #[error("emergency stop ({reason}); re-arm it by hand before the robot can move again")]
+    EmergencyStop {
+        /// Why it was pressed.
+        reason: String,
+    },
+}

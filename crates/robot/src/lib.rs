@@ -1,0 +1,19 @@
+//! What a legged robot is to Stridemap: ten leg joints, a base, two feet, a centre of mass.
+//!
+//! A [`Robot`] takes [`JointTargets`] once per control period and answers with a [`RobotState`].
+//! Simulated, networked and real robots implement the same trait, and a [`Robot`] can be wrapped
+//! by another that guards it.
+//!
+//! Frames and units follow REP-103: x forward, y left, z up; radians, metres, seconds, newtons.
+//! Joint angles carry Stridemap's own signs: hip pitch + swings the thigh forward, knee flexion is
+//! negative, ankle pitch + lifts the toes, rolls turn about +x.
+
+mod error;
+mod legs;
+mod robot;
+mod state;
+
+pub use error::RobotError;
+pub use legs::{JointTargets, LEG_JOINTS, LegJoint, Legs, Side};
+pub use robot::{JointLimits, Robot, RobotDescription};
+pub use state::{BaseState, CentreOfMass, FootState, JointState, RobotState};

@@ -1,0 +1,92 @@
+//! The trait that every robot implements.
+
+use rand_chacha::ChaCha8Rng;
+
+use crate::error::RobotError;
+use crate::legs::{JointTargets, Legs};
+use crate::state::RobotState;
+
+/// How far and how hard a joint may go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLimits {
+    /// Smallest angle.
+    pub lower_rad: f64,
+    /// Largest angle.
+    pub upper_rad: f64,
+    /// Largest rate, either way.
+    pub velocity_rad_s: f64,
+    /// Largest torque, either way.
+    pub torque_nm: f64,
+}
+
+/// What does not change while a robot runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotDescription {
+    /// Name for reports.
+    pub name: String,
+    /// Time between two commands.
+    pub control_period_s: f64,
+    /// Total mass.
+    pub mass_kg: f64,
+    /// Limits of each leg joint.
+    pub limits: Legs<JointLimits>,
+}
+
+/// A robot: takes joint targets once per control period, answers with its state.
+///
+/// # Contract
+///
+/// - [`reset`](Self::reset) comes first; before it [`state`](Self::state) is the state in which the
+///   robot was built.
+/// - Each [`step`](Self::step) advances the robot's clock by the control period.
+/// - Targets that are not finite are refused with [`RobotError::NotFinite`] before they reach a joint;
+///   the state is then unchanged.
+/// - A simulated robot that is reset with equal generators and given equal targets passes through
+///   equal states, to the bit.
+/// - Falling is not an error: the state says where the base is, and the task decides.
+pub trait Robot: Send {
+    /// What does not change while the robot runs.
+    fn description(&self) -> &RobotDescription;
+
+    /// Brings the robot to rest in a posture, standing on both feet, with time 0.
+    ///
+    /// Random disturbances of the start, where the robot's configuration asks for them, come from
+    /// `rng`.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError`] if the posture is refused or cannot be reached.
+    fn reset(
+        &mut self,
+        posture: &JointTargets,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<&RobotState, RobotError>;
+
+    /// The state after the last reset or step.
+    fn state(&self) -> &RobotState;
+
+    /// Commands the joints for one control period and returns the state at its end.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError`] if the targets are refused or the equipment fails.
+    fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError>;
+
+    /// Sets a force, in the world frame, on the torso's centre of mass; it acts in every following
+    /// step until it is set anew. Zero at reset.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::Unsupported`] on a robot that cannot push itself (every real one).
+    fn set_push(&mut self, _force_n: [f64; 3]) -> Result<(), RobotError> {
+        Err(RobotError::Unsupported {
+            what: "pushing the torso",
+        })
+    }
+
+    /// Seconds of computing spent in the physics engine alone since the robot was built; `None` for
+    /// a robot that is not simulated.
+    fn engine_seconds(&self) -> Option<f64> {
+        None
+    }
+}
