@@ -1,0 +1,485 @@
+//! The paper's gait: four oscillators phase-locked to the robot.
+
+use serde::{Deserialize, Serialize};
+use stridemap_robot::{JointTargets, LegJoint, RobotState};
+
+use crate::gait::{Gait, GaitError, Modulation};
+use crate::phase::{PhaseConfig, PhaseDetector, PhaseSource};
+use crate::targets::{Amplitudes, Phases, joint_offsets};
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Desired phase differences `φ_dⁱ` to the robot's phase \[MA09, sec. 2.2\].
+const DESIRED_PHASE_RAD: Phases = [-FRAC_PI_2, 0.0, FRAC_PI_2, PI];
+
+/// Nominal amplitudes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AmplitudeConfig {
+    /// `A_hroll`, degrees.
+    pub hip_roll: f64,
+    /// `A_aroll`, degrees.
+    pub ankle_roll: f64,
+    /// `A^pitch`, degrees.
+    pub pitch: f64,
+    /// `A_walk`, degrees; 0 steps in place.
+    pub walk: f64,
+}
+
+/// When amplitudes grow from zero to full, `[begin, end]` in seconds after a reset.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RampConfig {
+    /// Roll amplitudes.
+    pub roll: [f64; 2],
+    /// Pitch and walking amplitudes.
+    pub pitch: [f64; 2],
+}
+
+/// Parameters of an [`OscillatorGait`]; defaults are Table 1 of \[MA09\], simulated stepping.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OscillatorGaitConfig {
+    /// `ω_c`, natural angular frequency of the oscillators.
+    pub natural_frequency_rad_s: f64,
+    /// `K_c`, coupling to the robot's phase.
+    pub coupling_rad_s: f64,
+    /// Seconds after a reset before the coupling acts.
+    pub coupling_delay_s: f64,
+    /// Nominal amplitudes, degrees.
+    pub amplitude_deg: AmplitudeConfig,
+    /// When amplitudes grow from zero to full.
+    pub ramp_s: RampConfig,
+    /// How the robot's phase is detected.
+    pub phase: PhaseConfig,
+}
+
+impl Default for OscillatorGaitConfig {
+    fn default() -> Self {
+        Self {
+            natural_frequency_rad_s: 3.5,
+            coupling_rad_s: 10.0,
+            coupling_delay_s: 0.0,
+            amplitude_deg: AmplitudeConfig {
+                hip_roll: 4.0,
+                ankle_roll: 4.0,
+                pitch: 6.0,
+                walk: 0.0,
+            },
+            ramp_s: RampConfig {
+                roll: [0.0, 1.0],
+                pitch: [1.0, 4.0],
+            },
+            phase: PhaseConfig {
+                source: PhaseSource::CentreOfPressure,
+                position_filter_s: 0.05,
+                velocity_filter_s: 0.03,
+                half_stance_m: 0.09,
+            },
+        }
+    }
+}
+
+impl OscillatorGaitConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    ///
+    /// [`GaitError::Parameter`] that names the key at fault.
+    pub fn validate(&self) -> Result<(), GaitError> {
+        let within = |name, value: f64, range: std::ops::RangeInclusive<f64>, requirement| {
+            if value.is_finite() && range.contains(&value) {
+                Ok(())
+            } else {
+                Err(GaitError::Parameter {
+                    name,
+                    value,
+                    requirement,
+                })
+            }
+        };
+        within(
+            "natural_frequency_rad_s",
+            self.natural_frequency_rad_s,
+            0.1..=50.0,
+            "must be 0.1 to 50 rad/s",
+        )?;
+        within(
+            "coupling_rad_s",
+            self.coupling_rad_s,
+            0.0..=200.0,
+            "must be 0 to 200 rad/s",
+        )?;
+        within(
+            "coupling_delay_s",
+            self.coupling_delay_s,
+            0.0..=60.0,
+            "must be 0 to 60 s",
+        )?;
+        let a = self.amplitude_deg;
+        for (name, value) in [
+            ("amplitude_deg.hip_roll", a.hip_roll),
+            ("amplitude_deg.ankle_roll", a.ankle_roll),
+            ("amplitude_deg.pitch", a.pitch),
+        ] {
+            within(name, value, 0.0..=30.0, "must be 0 to 30 deg")?;
+        }
+        within(
+            "amplitude_deg.walk",
+            a.walk,
+            -30.0..=30.0,
+            "must be -30 to 30 deg",
+        )?;
+        for (name, [begin, end]) in [
+            ("ramp_s.roll", self.ramp_s.roll),
+            ("ramp_s.pitch", self.ramp_s.pitch),
+        ] {
+            within(name, begin, 0.0..=60.0, "must begin at 0 to 60 s")?;
+            within(
+                name,
+                end,
+                begin..=60.0,
+                "must end after it begins, within 60 s",
+            )?;
+        }
+        self.phase.validate()
+    }
+}
+
+// Positions in the list of modulations.
+const STEP: usize = 0;
+const WALK: usize = 1;
+const ANKLE_ROLL_STEP: usize = 2;
+const ROLL: usize = 3;
+const PITCH: usize = 4;
+const FREQUENCY: usize = 5;
+const HIP_LEAN: usize = 6;
+const ANKLE_LEAN: usize = 7;
+const CROUCH: usize = 8;
+const COUNT: usize = 9;
+
+/// The modulations of a gait with this configuration.
+fn modulations(config: &OscillatorGaitConfig) -> [Modulation; COUNT] {
+    let m = |name, neutral, lower, upper, about| Modulation {
+        name,
+        neutral,
+        lower,
+        upper,
+        about,
+    };
+    [
+        m(
+            "step_amplitude_deg",
+            0.0,
+            -20.0,
+            20.0,
+            "A_step: added to the pitch amplitude [MA09, eq. (26)]",
+        ),
+        m(
+            "walk_amplitude_deg",
+            config.amplitude_deg.walk,
+            -30.0,
+            30.0,
+            "A_walk: forward swing of hip and ankle [MA09, eq. (6)]",
+        ),
+        m(
+            "ankle_roll_amplitude_deg",
+            0.0,
+            -20.0,
+            20.0,
+            "A_a_step: added to the ankle's roll amplitude [MA09, eq. (29)]",
+        ),
+        m(
+            "roll_amplitude_deg",
+            config.amplitude_deg.hip_roll,
+            0.0,
+            30.0,
+            "A_roll: roll amplitude of the hips; the ankles keep their difference to it",
+        ),
+        m(
+            "pitch_amplitude_deg",
+            config.amplitude_deg.pitch,
+            0.0,
+            30.0,
+            "A_pitch: how high the feet are lifted [MA09, eq. (5)]",
+        ),
+        m(
+            "natural_frequency_rad_s",
+            config.natural_frequency_rad_s,
+            0.1,
+            50.0,
+            "omega_c: natural frequency of the oscillators [MA09, eq. (2)]",
+        ),
+        m(
+            "hip_lean_deg",
+            0.0,
+            -20.0,
+            20.0,
+            "added to the hips' rest pitch; + leans the torso forward",
+        ),
+        m(
+            "ankle_lean_deg",
+            0.0,
+            -15.0,
+            15.0,
+            "added to the ankles' rest pitch; + leans the whole body forward",
+        ),
+        m(
+            "crouch_deg",
+            0.0,
+            -30.0,
+            30.0,
+            "added to hip and ankle, twice taken from the knee; - straightens the legs",
+        ),
+    ]
+}
+
+/// Sinusoidal joint targets driven by four oscillators that are coupled to the robot's own phase.
+///
+/// ```text
+/// φ̇_cⁱ = ω_c + K_c sin(φ(y_cop) − φ_cⁱ + φ_dⁱ)                       [MA09, eq. (2)]
+/// ```
+///
+/// integrated by one Euler step per control period.
+#[derive(Clone, Debug)]
+pub struct OscillatorGait {
+    config: OscillatorGaitConfig,
+    rest: JointTargets,
+    modulations: [Modulation; COUNT],
+    values: [f64; COUNT],
+    detector: PhaseDetector,
+    phases_rad: Phases,
+    time_s: f64,
+}
+
+impl OscillatorGait {
+    /// A gait about a rest posture.
+    ///
+    /// # Errors
+    ///
+    /// [`GaitError::Parameter`] for a configuration outside its domain.
+    pub fn new(config: OscillatorGaitConfig, rest: JointTargets) -> Result<Self, GaitError> {
+        config.validate()?;
+        let modulations = modulations(&config);
+        let values = std::array::from_fn(|i| modulations[i].neutral);
+        Ok(Self {
+            config,
+            rest,
+            modulations,
+            values,
+            detector: PhaseDetector::new(config.phase),
+            phases_rad: DESIRED_PHASE_RAD,
+            time_s: 0.0,
+        })
+    }
+
+    /// The oscillators' phases.
+    #[must_use]
+    pub const fn phases_rad(&self) -> Phases {
+        self.phases_rad
+    }
+
+    /// Amplitudes now: nominal, modulated and ramped.
+    fn amplitudes(&self) -> Amplitudes {
+        let ramp = |[begin, end]: [f64; 2]| {
+            if self.time_s >= end {
+                1.0
+            } else {
+                ((self.time_s - begin) / (end - begin)).max(0.0)
+            }
+        };
+        let (roll_ramp, pitch_ramp) = (
+            ramp(self.config.ramp_s.roll),
+            ramp(self.config.ramp_s.pitch),
+        );
+        let nominal = self.config.amplitude_deg;
+        let hip_roll_deg = self.values[ROLL];
+        let ankle_roll_deg = hip_roll_deg + (nominal.ankle_roll - nominal.hip_roll);
+        Amplitudes {
+            hip_roll_rad: (roll_ramp * hip_roll_deg).to_radians(),
+            ankle_roll_rad: (roll_ramp * (ankle_roll_deg + self.values[ANKLE_ROLL_STEP]))
+                .to_radians(),
+            pitch_rad: (pitch_ramp * (self.values[PITCH] + self.values[STEP])).to_radians(),
+            walk_rad: (pitch_ramp * self.values[WALK]).to_radians(),
+        }
+    }
+}
+
+impl Gait for OscillatorGait {
+    fn modulations(&self) -> &[Modulation] {
+        &self.modulations
+    }
+
+    fn rest(&self) -> JointTargets {
+        self.rest
+    }
+
+    fn reset(&mut self) {
+        self.values = std::array::from_fn(|i| self.modulations[i].neutral);
+        self.detector.reset();
+        self.phases_rad = DESIRED_PHASE_RAD;
+        self.time_s = 0.0;
+    }
+
+    fn modulate(&mut self, index: usize, value: f64) -> Result<(), GaitError> {
+        let m = self
+            .modulations
+            .get(index)
+            .ok_or(GaitError::NoSuchModulation {
+                index,
+                count: COUNT,
+            })?;
+        if !(m.lower..=m.upper).contains(&value) {
+            return Err(GaitError::ModulationOutOfRange {
+                name: m.name,
+                value,
+                lower: m.lower,
+                upper: m.upper,
+            });
+        }
+        self.values[index] = value;
+        Ok(())
+    }
+
+    fn targets(&mut self, state: &RobotState, dt_s: f64) -> JointTargets {
+        let phi = self.detector.update(state, dt_s);
+        let k_c = if self.time_s < self.config.coupling_delay_s {
+            0.0
+        } else {
+            self.config.coupling_rad_s
+        };
+        let omega_c = self.values[FREQUENCY];
+        for (phi_c, phi_d) in self.phases_rad.iter_mut().zip(DESIRED_PHASE_RAD) {
+            *phi_c += (omega_c + k_c * (phi - *phi_c + phi_d).sin()) * dt_s;
+        }
+        self.time_s += dt_s;
+
+        let offset_rad = joint_offsets(&self.phases_rad, &self.amplitudes());
+        let mut targets = self.rest;
+        for (side, joint, offset) in offset_rad.iter() {
+            let lean_deg = match joint {
+                LegJoint::HipPitch => self.values[HIP_LEAN] + self.values[CROUCH],
+                LegJoint::Knee => -2.0 * self.values[CROUCH],
+                LegJoint::AnklePitch => self.values[ANKLE_LEAN] + self.values[CROUCH],
+                LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
+            };
+            targets.position_rad[(side, joint)] += offset + lean_deg.to_radians();
+        }
+        targets
+    }
+
+    fn start_up_s(&self) -> f64 {
+        let RampConfig { roll, pitch } = self.config.ramp_s;
+        roll[1].max(pitch[1]).max(self.config.coupling_delay_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stridemap_robot::{JointTargets, Legs, Side};
+
+    fn rest() -> JointTargets {
+        JointTargets {
+            position_rad: Legs::from_fn(|_, joint| match joint {
+                LegJoint::HipPitch | LegJoint::AnklePitch => 20_f64.to_radians(),
+                LegJoint::Knee => (-40_f64).to_radians(),
+                _ => 0.0,
+            }),
+        }
+    }
+
+    fn weight_at(cop_right_m: f64) -> RobotState {
+        let mut state = RobotState {
+            cop_m: Some([0.0, -cop_right_m]),
+            ..Default::default()
+        };
+        for side in Side::BOTH {
+            state.feet[side.index()].centre_m[1] = 0.09 * side.lateral_sign();
+        }
+        state
+    }
+
+    /// Locked to `φ = Ω t`, the phase lag obeys `Ω = ω_c + K_c sin(lag)` (set φ̇_c = Ω in eq. 2).
+    /// Filters off, `y = a cos(t)`: Ω = 1 rad/s.
+    #[test]
+    fn oscillators_lock_with_the_lag_that_eq_2_implies() {
+        let mut config = OscillatorGaitConfig::default();
+        config.phase.position_filter_s = 0.0;
+        config.phase.velocity_filter_s = 0.0;
+        config.natural_frequency_rad_s = 3.5;
+        let mut gait = OscillatorGait::new(config, rest()).unwrap();
+        let dt_s = 1e-4;
+        let mut t = 0.0;
+        for k in 0..100_000 {
+            t = f64::from(k) * dt_s;
+            gait.targets(&weight_at(0.05 * t.cos()), dt_s);
+        }
+        let lag = ((1.0 - 3.5) / 10.0_f64).asin();
+        for (phi_c, phi_d) in gait.phases_rad().iter().zip(DESIRED_PHASE_RAD) {
+            let difference = (t + phi_d - phi_c - lag + PI).rem_euclid(2.0 * PI) - PI;
+            assert!(difference.abs() < 1e-3, "{difference}");
+        }
+    }
+
+    #[test]
+    fn starts_in_the_rest_posture_and_ends_its_ramp_at_full_amplitude() {
+        let mut gait = OscillatorGait::new(OscillatorGaitConfig::default(), rest()).unwrap();
+        let first = gait.targets(&weight_at(0.0), 0.002);
+        for (side, joint, angle) in first.position_rad.iter() {
+            let from_rest = angle - rest().position_rad[(side, joint)];
+            assert!(
+                from_rest.abs() < 0.002 * 4_f64.to_radians() * 1.001,
+                "{joint:?} {from_rest}"
+            );
+        }
+        gait.time_s = gait.start_up_s();
+        let full = gait.amplitudes();
+        assert!((full.pitch_rad - 6_f64.to_radians()).abs() < 1e-15);
+        assert!((full.hip_roll_rad - 4_f64.to_radians()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn modulations_move_what_they_name_and_reset_forgets_them() {
+        let mut gait = OscillatorGait::new(OscillatorGaitConfig::default(), rest()).unwrap();
+        gait.time_s = 10.0;
+        gait.modulate(STEP, 2.0).unwrap();
+        gait.modulate(ANKLE_ROLL_STEP, 1.0).unwrap();
+        let a = gait.amplitudes();
+        assert!((a.pitch_rad - 8_f64.to_radians()).abs() < 1e-15);
+        assert!((a.ankle_roll_rad - 5_f64.to_radians()).abs() < 1e-15);
+        assert!((a.hip_roll_rad - 4_f64.to_radians()).abs() < 1e-15);
+        gait.modulate(ANKLE_LEAN, 2.0).unwrap();
+        gait.modulate(CROUCH, -10.0).unwrap();
+        let t = gait.targets(&weight_at(0.0), 1e-9);
+        let hip_plus_knee_plus_ankle: f64 =
+            [LegJoint::HipPitch, LegJoint::Knee, LegJoint::AnklePitch]
+                .iter()
+                .map(|&j| t.position_rad[(Side::Left, j)])
+                .sum();
+        assert!((hip_plus_knee_plus_ankle - 2_f64.to_radians()).abs() < 1e-12);
+        gait.reset();
+        assert!(
+            gait.values
+                .iter()
+                .zip(gait.modulations())
+                .all(|(v, m)| (v - m.neutral).abs() < 1e-15)
+        );
+    }
+
+    #[test]
+    fn a_nan_modulation_is_refused() {
+        let mut gait = OscillatorGait::new(OscillatorGaitConfig::default(), rest()).unwrap();
+        assert!(matches!(
+            gait.modulate(STEP, f64::NAN),
+            Err(GaitError::ModulationOutOfRange {
+                name: "step_amplitude_deg",
+                ..
+            })
+        ));
+        assert!(matches!(
+            gait.modulate(99, 0.0),
+            Err(GaitError::NoSuchModulation { .. })
+        ));
+    }
+}

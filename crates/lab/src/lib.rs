@@ -1,0 +1,1 @@
+//! Tasks, the plant, Algorithm 1 and the run directory.

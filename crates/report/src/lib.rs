@@ -1,0 +1,1 @@
+//! Reads run directories and draws; computes nothing new.
