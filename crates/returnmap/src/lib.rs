@@ -11,8 +11,10 @@
 //!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009,
 //!   doi:10.1007/s10514-009-9133-z.
 
+mod action_law;
 mod process;
 
+pub use action_law::{ActionLaw, ActionLimits};
 pub use process::{
     Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
     StrideProcess, clipped_action,
