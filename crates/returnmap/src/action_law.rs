@@ -131,11 +131,13 @@ impl ActionLaw {
             });
         }
         for ((last, want), l) in self.last.iter_mut().zip(wanted).zip(&self.limits) {
-            let way = l.gain * (want.clamp(l.lower, l.upper) - *last);
-            // Without a rate limit and with gain 1 this lands on the wanted value up to rounding;
-            // the clamp keeps it within the bounds to the bit.
-            *last =
-                (*last + way.clamp(-l.rate_per_stride, l.rate_per_stride)).clamp(l.lower, l.upper);
+            let target = want.clamp(l.lower, l.upper);
+            let way = l.gain * (target - *last);
+            *last = if l.gain >= 1.0 && way.abs() <= l.rate_per_stride {
+                target // to the bit, where `last + (target − last)` would round
+            } else {
+                *last + way.clamp(-l.rate_per_stride, l.rate_per_stride)
+            };
         }
         Ok(self.last.clone())
     }

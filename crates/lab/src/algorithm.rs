@@ -1,0 +1,518 @@
+//! Algorithm 1 of \[MA09\]: collect, fit, improve, evaluate, until the policy no longer improves.
+//!
+//! ```text
+//!            ┌──────────────────────────────────────────────────────────┐
+//!            ▼                                                          │
+//! collect (robot) ──▶ transitions ──▶ fit ──▶ map ──▶ improve ──▶ policy ──▶ evaluate (robot)
+//! ```
+//!
+//! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
+//! was killed goes on from its last finished phase and ends with the same bytes.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+use stridemap_learn::{ActorCritic, ConstantPolicy, Learner, Policy, SavedPolicy, TrialSummary};
+use stridemap_returnmap::{LearnedMap, MapSample};
+use stridemap_returnmap::{StrideEnd, StrideProcess};
+
+use crate::error::LabError;
+use crate::plant::{Plant, PlantCounters};
+use crate::reward::reward_of_state;
+use crate::seed::{Role, stream};
+use crate::strides::{
+    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
+};
+use crate::task::{LearnerKind, Task};
+
+/// Wall-clock seconds spent, by kind of work.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Seconds {
+    /// On the robot: simulation, sections, gait.
+    pub simulation: f64,
+    /// Fitting maps.
+    pub fit: f64,
+    /// Learning in maps.
+    pub improve: f64,
+}
+
+/// One iteration of Algorithm 1, as far as it has come.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Iteration {
+    /// From 1.
+    pub iteration: usize,
+    /// Strides on the robot that this iteration made, training and evaluation.
+    pub strides: usize,
+    /// Falls on the robot in this iteration, in warm-up as well.
+    pub falls: usize,
+    /// Stalls on the robot in this iteration, in warm-up as well.
+    pub stalls: usize,
+    /// Warm-up strides of this iteration.
+    pub warm_up: usize,
+    /// Log marginal likelihood of each output of the map.
+    pub log_marginal_likelihood: Vec<f64>,
+    /// The policy as evaluated on the robot to choose; `None` without evaluation strides.
+    pub evaluation: Option<Performance>,
+    /// The policy as measured on the robot to report.
+    pub record: Option<Performance>,
+}
+
+/// What a run has come to.
+#[derive(Clone, Debug, Default)]
+pub struct Progress {
+    /// Every training and evaluation stride, in the order in which they were made.
+    pub transitions: Vec<Transition>,
+    /// Iterations begun.
+    pub iterations: Vec<Iteration>,
+    /// The policy of each improved iteration.
+    pub policies: Vec<SavedPolicy>,
+    /// The nominal gait, measured.
+    pub nominal: Option<Performance>,
+    /// The final policy, measured.
+    pub final_performance: Option<Performance>,
+    /// Strides run only to report.
+    pub record_strides: usize,
+    /// Time spent.
+    pub seconds: Seconds,
+}
+
+impl Progress {
+    /// Index of the best policy: the best evaluated one, the earlier of equals; without evaluations
+    /// the last. `None` before the first improvement.
+    #[must_use]
+    pub fn best(&self) -> Option<usize> {
+        let evaluated = self.policies.iter().enumerate().filter_map(|(i, _)| {
+            let performance = self.iterations.get(i)?.evaluation?;
+            Some((i, performance.mean_reward))
+        });
+        let best = evaluated.fold(None, |best: Option<(usize, f64)>, (i, reward)| match best {
+            Some((_, most)) if most >= reward => best,
+            _ => Some((i, reward)),
+        });
+        best.map(|(i, _)| i).or_else(|| self.policies.len().checked_sub(1))
+    }
+
+    /// The best policy.
+    #[must_use]
+    pub fn best_policy(&self) -> Option<&SavedPolicy> {
+        self.best().map(|i| &self.policies[i])
+    }
+
+    /// Strides with this role.
+    #[must_use]
+    pub fn strides(&self, role: StrideRole) -> usize {
+        self.transitions.iter().filter(|t| t.role == role).count()
+    }
+}
+
+/// Who is told what happens, as it happens: writes files, shows progress.
+pub trait Recorder {
+    /// A stride was made on the robot. `what` names the measured policy of a record stride
+    /// (`"nominal"`, `"iteration-1"`, `"final"`).
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] if it cannot be kept, or the user asked to stop; the run then stops.
+    fn stride(&mut self, transition: &Transition, what: Option<&str>) -> Result<(), LabError>;
+
+    /// A map was fitted.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError>;
+
+    /// A learning trial in the map ended.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn trial(&mut self, iteration: usize, trial: &TrialSummary) -> Result<(), LabError>;
+
+    /// A policy was improved.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError>;
+
+    /// A phase is complete: what was recorded up to here is final.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError>;
+}
+
+/// A phase of a run, in the order in which they come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// The nominal gait was measured.
+    Nominal,
+    /// The strides of this iteration were collected.
+    Collect,
+    /// The policy of this iteration was improved (the map is fitted anew from the strides).
+    Improve,
+    /// The policy was evaluated on the robot.
+    Evaluate,
+    /// The policy was measured to report.
+    Record,
+    /// The final policy was measured.
+    Final,
+}
+
+/// A run of Algorithm 1: a task, a robot and what has been achieved so far.
+pub struct Algorithm<'a> {
+    task: &'a Task,
+    seed: u64,
+    plant: Plant,
+    /// What has been achieved so far.
+    pub progress: Progress,
+}
+
+impl<'a> Algorithm<'a> {
+    /// A run from the start.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] if the robot or the gait cannot be built.
+    pub fn new(task: &'a Task, seed: u64) -> Result<Self, LabError> {
+        Self::resume(task, seed, Progress::default())
+    }
+
+    /// A run that goes on from what was achieved before.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] if the robot or the gait cannot be built.
+    pub fn resume(task: &'a Task, seed: u64, progress: Progress) -> Result<Self, LabError> {
+        Ok(Self { task, seed, plant: task.plant()?, progress })
+    }
+
+    /// The robot.
+    pub fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    /// The policy that leaves the nominal gait alone.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Learn`] if it cannot be built.
+    pub fn nominal_policy(&self) -> Result<SavedPolicy, LabError> {
+        let neutral: Vec<f64> = self.task.action_limits()?.iter().map(|l| l.neutral).collect();
+        Ok(SavedPolicy::Constant(ConstantPolicy::new(self.plant.spec().clone(), &neutral)?))
+    }
+
+    /// Runs every phase that is still missing.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] of the room at fault, or of the recorder. What was recorded stays.
+    pub fn learn(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        if self.progress.nominal.is_none() {
+            self.measure_nominal(recorder)?;
+        }
+        while !self.is_finished() {
+            let i = self.progress.policies.len();
+            if self.progress.iterations.len() == i {
+                self.collect(recorder)?;
+            }
+            let map = self.fit(recorder)?;
+            self.improve(&map, recorder)?;
+            self.evaluate(recorder)?;
+            self.record_iteration(recorder)?;
+        }
+        if self.progress.final_performance.is_none() {
+            self.measure_final(recorder)?;
+        }
+        Ok(())
+    }
+
+    /// Step 5: whether the loop has ended. An iteration that is not complete is completed first.
+    fn is_finished(&self) -> bool {
+        let progress = &self.progress;
+        let complete = progress.iterations.last().is_none_or(|last| last.record.is_some());
+        if !complete {
+            return false;
+        }
+        let done = progress.iterations.len();
+        if done >= self.task.algorithm.iterations {
+            return true;
+        }
+        let Some(least) = self.task.algorithm.stop_below_improvement else {
+            return false;
+        };
+        let rewards: Vec<f64> = progress
+            .iterations
+            .iter()
+            .filter_map(|i| i.evaluation.map(|e| e.mean_reward))
+            .collect();
+        match rewards.split_last() {
+            Some((last, before)) if !before.is_empty() => {
+                let best = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                *last <= best + least
+            }
+            _ => false,
+        }
+    }
+
+    /// Makes strides and keeps the books: time, falls, warm-up.
+    fn strides_on_robot(
+        &mut self,
+        policy: Option<&SavedPolicy>,
+        batch: Batch,
+        what: Option<&str>,
+        stream_of: (Role, u64),
+        recorder: &mut dyn Recorder,
+    ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
+        let before = self.plant.counters();
+        let started = Instant::now();
+        let mut rng = stream(self.seed, stream_of.0, stream_of.1);
+        let source = match (policy, batch.phase) {
+            (None, _) => ActionSource::Explore(&self.task.collect.explore),
+            (Some(p), StridePhase::Collect) => {
+                ActionSource::Sample(p, &self.task.collect.later_noise_std)
+            }
+            (Some(p), _) => ActionSource::Mean(p),
+        };
+        let result = make_strides(
+            &mut self.plant,
+            &source,
+            batch,
+            &mut rng,
+            &mut |_, _| {},
+            &mut |transition| recorder.stride(transition, what),
+        );
+        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+        Ok((result?, self.plant.counters().since(before)))
+    }
+
+    /// Step 2: strides for the map: exploration in the first iteration, the stochastic policy later.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::learn`].
+    pub fn collect(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        let index = self.progress.iterations.len();
+        let counts = &self.task.collect.strides;
+        let batch = Batch {
+            iteration: index + 1,
+            phase: StridePhase::Collect,
+            role: StrideRole::Training,
+            strides: counts.get(index).or(counts.last()).copied().unwrap_or(0),
+        };
+        let policy = self.progress.best_policy().cloned();
+        let (transitions, counted) = self.strides_on_robot(
+            policy.as_ref(),
+            batch,
+            None,
+            (Role::Collect, index as u64),
+            recorder,
+        )?;
+        self.progress.transitions.extend(transitions);
+        self.progress.iterations.push(Iteration {
+            iteration: index + 1,
+            strides: batch.strides,
+            falls: counted.falls,
+            stalls: counted.stalls,
+            warm_up: counted.warm_up,
+            ..Iteration::default()
+        });
+        recorder.checkpoint(Phase::Collect, &self.progress)
+    }
+
+    /// Step 3: fits the map to every training stride so far.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::TooFewStrides`] or [`LabError::Process`].
+    pub fn fit(&mut self, recorder: &mut dyn Recorder) -> Result<LearnedMap, LabError> {
+        let iteration = self.progress.iterations.len();
+        let started = Instant::now();
+        let map = fit_map(self.task, &self.progress.transitions, self.seed, iteration)?;
+        self.progress.seconds.fit += started.elapsed().as_secs_f64();
+        if let Some(last) = self.progress.iterations.last_mut() {
+            last.log_marginal_likelihood = map.log_marginal_likelihoods();
+        }
+        recorder.map(iteration, &map)?;
+        Ok(map)
+    }
+
+    /// Step 4: improves the policy in the map.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Learn`], or of the recorder.
+    pub fn improve(
+        &mut self,
+        map: &LearnedMap,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), LabError> {
+        let iteration = self.progress.policies.len() + 1;
+        let started = Instant::now();
+        let initial = if self.task.learner.warm_start { self.progress.policies.last() } else { None };
+        let mut rng = stream(self.seed, Role::Improve, iteration as u64);
+        let mut process = map.clone();
+        let mut written: Result<(), LabError> = Ok(());
+        let outcome = match self.task.learner.kind {
+            LearnerKind::ActorCritic => {
+                let mut learner = ActorCritic::new(self.task.learner.actor_critic.clone())?;
+                learner.improve(&mut process, initial, &mut rng, &mut |report| {
+                    if written.is_ok() {
+                        written = recorder.trial(iteration, report.summary);
+                    }
+                })?
+            }
+        };
+        written?;
+        self.progress.seconds.improve += started.elapsed().as_secs_f64();
+        recorder.policy(iteration, &outcome.policy)?;
+        self.progress.policies.push(outcome.policy);
+        recorder.checkpoint(Phase::Improve, &self.progress)
+    }
+
+    /// Runs the newest policy's mean on the robot to see whether it is better.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::learn`].
+    pub fn evaluate(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        let config = &self.task.algorithm;
+        let Some(policy) = self.progress.policies.last().cloned() else {
+            return Ok(());
+        };
+        let index = self.progress.policies.len() - 1;
+        let already = self.progress.iterations[index].evaluation.is_some();
+        if config.evaluation_strides == 0 || already {
+            return Ok(());
+        }
+        let role = if config.evaluation_trains {
+            StrideRole::Training
+        } else {
+            StrideRole::Evaluation
+        };
+        let (strides, discard) = (config.evaluation_strides, config.evaluation_discard);
+        let batch =
+            Batch { iteration: index + 1, phase: StridePhase::Evaluate, role, strides };
+        let (transitions, counted) = self.strides_on_robot(
+            Some(&policy),
+            batch,
+            None,
+            (Role::Evaluate, index as u64),
+            recorder,
+        )?;
+        let iteration = &mut self.progress.iterations[index];
+        iteration.strides += strides;
+        iteration.falls += counted.falls;
+        iteration.stalls += counted.stalls;
+        iteration.warm_up += counted.warm_up;
+        iteration.evaluation = Some(Performance::of(&transitions, discard));
+        self.progress.transitions.extend(transitions);
+        recorder.checkpoint(Phase::Evaluate, &self.progress)
+    }
+
+    /// Measures a policy to report: deterministic, from a fresh start.
+    fn measure(
+        &mut self,
+        policy: &SavedPolicy,
+        what: &str,
+        strides: usize,
+        stream_index: u64,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Performance, LabError> {
+        let discard = self.task.record.discard;
+        let batch = Batch {
+            iteration: self.progress.policies.len(),
+            phase: StridePhase::Record,
+            role: StrideRole::Record,
+            strides: strides + discard,
+        };
+        let (transitions, _) = self.strides_on_robot(
+            Some(policy),
+            batch,
+            Some(what),
+            (Role::Record, stream_index),
+            recorder,
+        )?;
+        self.progress.record_strides += batch.strides;
+        Ok(Performance::of(&transitions, discard))
+    }
+
+    fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        let policy = self.nominal_policy()?;
+        let performance =
+            self.measure(&policy, "nominal", self.task.record.strides, 0, recorder)?;
+        self.progress.nominal = Some(performance);
+        recorder.checkpoint(Phase::Nominal, &self.progress)
+    }
+
+    fn record_iteration(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        let n = self.progress.policies.len();
+        let policy = self.progress.policies[n - 1].clone();
+        let what = format!("iteration-{n}");
+        let strides = self.task.record.iteration_strides;
+        let performance = self.measure(&policy, &what, strides, n as u64, recorder)?;
+        self.progress.iterations[n - 1].record = Some(performance);
+        recorder.checkpoint(Phase::Record, &self.progress)
+    }
+
+    fn measure_final(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        let Some(policy) = self.progress.best_policy().cloned() else {
+            return Ok(());
+        };
+        let performance =
+            self.measure(&policy, "final", self.task.record.strides, u64::from(u32::MAX), recorder)?;
+        self.progress.final_performance = Some(performance);
+        recorder.checkpoint(Phase::Final, &self.progress)
+    }
+}
+
+/// Fits the map of a task to strides: those with the training role that reached the next section.
+///
+/// # Errors
+///
+/// [`LabError::TooFewStrides`], or [`LabError::Process`] if the Gaussian process cannot be fitted.
+pub fn fit_map(
+    task: &Task,
+    transitions: &[Transition],
+    seed: u64,
+    iteration: usize,
+) -> Result<LearnedMap, LabError> {
+    /// With fewer strides than this a Gaussian process has nothing to say.
+    const FEWEST: usize = 3;
+    let samples: Vec<MapSample> = transitions
+        .iter()
+        .filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)
+        .map(|t| MapSample {
+            state: t.state.clone(),
+            last_action: t.last_action.clone(),
+            action: t.action.clone(),
+            next_state: t.next_state.clone(),
+            reward: t.reward,
+        })
+        .collect();
+    if samples.len() < FEWEST {
+        return Err(LabError::TooFewStrides { found: samples.len(), needed: FEWEST });
+    }
+    let mut rng = stream(seed, Role::Fit, iteration as u64);
+    let (terms, components) = (task.reward.clone(), task.state.clone());
+    let from_state = reward_of_state(&terms, &components, &samples[0].state).is_some();
+    let world = stridemap_returnmap::MapWorld {
+        spec: task.process_spec()?,
+        limits: task.action_limits()?,
+        failure: task.map_failure(),
+        reward: from_state.then(|| {
+            let f = move |x: &[f64]| reward_of_state(&terms, &components, x).unwrap_or(0.0);
+            std::sync::Arc::new(f) as stridemap_returnmap::StateReward
+        }),
+    };
+    Ok(LearnedMap::fit(task.map.clone(), world, &samples, &mut rng)?)
+}
+
+/// The mean and standard deviation of a policy along a line of states, for tables and figures.
+#[must_use]
+pub fn policy_along(policy: &dyn Policy, states: &[f64]) -> Vec<(f64, f64)> {
+    states.iter().map(|x| (policy.mean(&[*x])[0], policy.std(&[*x])[0])).collect()
+}

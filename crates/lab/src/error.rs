@@ -1,0 +1,140 @@
+//! What can go wrong in the lab.
+
+use std::path::PathBuf;
+
+use stridemap_gait::GaitError;
+use stridemap_learn::LearnError;
+use stridemap_mujoco::MujocoError;
+use stridemap_returnmap::ProcessError;
+use stridemap_section::SectionError;
+
+use crate::config::ConfigError;
+
+/// A value of a task that its type allows and its meaning does not.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{key}: {requirement}")]
+pub struct Invalid {
+    /// Key path in the task.
+    pub key: String,
+    /// What it must satisfy.
+    pub requirement: String,
+}
+
+/// What can go wrong in the lab.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LabError {
+    /// A task file is wrong.
+    #[error(transparent)]
+    Config(#[from] Box<ConfigError>),
+    /// A value of a task is wrong.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// A task names a modulation that the gait does not have.
+    #[error("{key} = \"{found}\": the gait has no such modulation")]
+    UnknownModulation {
+        /// Key path in the task.
+        key: String,
+        /// The name given.
+        found: String,
+        /// The gait's modulations.
+        allowed: Vec<&'static str>,
+    },
+    /// The gait refuses.
+    #[error(transparent)]
+    Gait(#[from] GaitError),
+    /// The section refuses.
+    #[error(transparent)]
+    Section(#[from] SectionError),
+    /// The simulated robot refuses.
+    #[error("robot: {0}")]
+    Mujoco(#[from] MujocoError),
+    /// A process refuses or fails.
+    #[error(transparent)]
+    Process(#[from] ProcessError),
+    /// The learner fails.
+    #[error("learner: {0}")]
+    Learn(#[from] LearnError),
+    /// The nominal gait does not carry this robot.
+    #[error(
+        "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s); \
+         `stridemap check TASK` shows what is wrong with robot, gait or joint map"
+    )]
+    NominalGaitFails {
+        /// Starts tried.
+        attempts: usize,
+        /// Robot time of the last failure.
+        time_s: f64,
+    },
+    /// The equipment fails again and again.
+    #[error("{aborts} strides in a row were aborted: {reason}")]
+    Equipment {
+        /// Strides in a row.
+        aborts: usize,
+        /// The robot's own words.
+        reason: String,
+    },
+    /// There is not one stride to learn from.
+    #[error("{found} usable strides for the map; at least {needed} are needed")]
+    TooFewStrides {
+        /// Strides that reached the next section.
+        found: usize,
+        /// Fewest that a map can be fitted to.
+        needed: usize,
+    },
+    /// A file or directory cannot be read or written.
+    #[error("{path}: cannot {doing}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What was being done, e.g. `"write"`.
+        doing: &'static str,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// A file holds something else than it should.
+    #[error("{path}{}: {problem}", line.map(|l| format!(":{l}")).unwrap_or_default())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// One-based line, where known.
+        line: Option<usize>,
+        /// What is wrong, and what to do.
+        problem: String,
+    },
+    /// A directory holds a run already, or is not one.
+    #[error("{path}: {problem}")]
+    RunDirectory {
+        /// The directory.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        problem: String,
+    },
+    /// The user asked to stop.
+    #[error("stopped; `stridemap learn --resume {path}` goes on from here")]
+    Interrupted {
+        /// The run directory.
+        path: PathBuf,
+    },
+}
+
+impl LabError {
+    /// Whether the request itself was wrong (exit code 2), rather than something that happened while
+    /// working (exit code 1).
+    #[must_use]
+    pub const fn is_request(&self) -> bool {
+        matches!(
+            self,
+            Self::Config(_)
+                | Self::Invalid(_)
+                | Self::UnknownModulation { .. }
+                | Self::Gait(_)
+                | Self::Section(_)
+                | Self::Mujoco(_)
+                | Self::RunDirectory { .. }
+                | Self::Content { .. }
+                | Self::Learn(LearnError::Parameter { .. } | LearnError::Length { .. })
+                | Self::Process(ProcessError::Parameter { .. })
+        )
+    }
+}

@@ -1,0 +1,156 @@
+//! What is measured of a stride, whether or not it is rewarded.
+
+use serde::{Deserialize, Serialize};
+use stridemap_robot::{JointTargets, RobotState};
+use stridemap_section::Pendulum;
+
+/// Gravity, for the cost of transport.
+const GRAVITY_M_S2: f64 = 9.81;
+
+/// What is measured of one stride.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StrideMeasures {
+    /// From section to section.
+    pub duration_s: f64,
+    /// Way of the centre of mass along the episode's first heading.
+    pub forward_m: f64,
+    /// Way of the centre of mass to the left of the episode's first heading.
+    pub left_m: f64,
+    /// Change of heading, + to the left.
+    pub turn_deg: f64,
+    /// `ψ_roll` at the section that ends the stride, mirrored.
+    pub psi_roll_deg: f64,
+    /// `ψ_pitch` at the section that ends the stride.
+    pub psi_pitch_deg: f64,
+    /// `ψ̇_pitch` at the section that ends the stride.
+    pub psi_pitch_rate_deg_s: f64,
+    /// `(1/T) ∫ ψ̇_pitch dt` over the stride \[MA09, eq. (31)\].
+    pub mean_psi_pitch_rate_deg_s: f64,
+    /// `Σ_joints ∫ |τ ω| dt`.
+    pub energy_j: f64,
+    /// Largest vertical force on one foot.
+    pub peak_foot_load_n: f64,
+    /// Root mean square of the difference between joint angles and the rest posture.
+    pub posture_deviation_deg: f64,
+}
+
+impl StrideMeasures {
+    /// Forward speed of the stride.
+    #[must_use]
+    pub fn speed_m_s(&self) -> f64 {
+        if self.duration_s > 0.0 { self.forward_m / self.duration_s } else { 0.0 }
+    }
+
+    /// Energy over weight and forward way; infinite in place.
+    #[must_use]
+    pub fn cost_of_transport(&self, mass_kg: f64) -> f64 {
+        self.energy_j / (mass_kg * GRAVITY_M_S2 * self.forward_m.abs())
+    }
+}
+
+/// Measures one stride after another.
+#[derive(Clone, Debug)]
+pub struct StrideMeter {
+    rest: JointTargets,
+    first_heading_rad: f64,
+    start: Instant,
+    pitch_rate_integral_deg: f64,
+    energy_j: f64,
+    peak_foot_load_n: f64,
+    deviation_square_integral_rad2_s: f64,
+    elapsed_s: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Instant {
+    time_s: f64,
+    com_m: [f64; 2],
+    heading_rad: f64,
+}
+
+impl Instant {
+    fn of(state: &RobotState) -> Self {
+        let [x, y, _] = state.com.position_m;
+        Self { time_s: state.time_s, com_m: [x, y], heading_rad: state.base.heading_rad() }
+    }
+}
+
+impl StrideMeter {
+    /// A meter for a robot that rests in `rest`.
+    #[must_use]
+    pub fn new(rest: JointTargets) -> Self {
+        Self {
+            rest,
+            first_heading_rad: 0.0,
+            start: Instant::default(),
+            pitch_rate_integral_deg: 0.0,
+            energy_j: 0.0,
+            peak_foot_load_n: 0.0,
+            deviation_square_integral_rad2_s: 0.0,
+            elapsed_s: 0.0,
+        }
+    }
+
+    /// An episode begins at a section: its heading is the direction in which ways are measured.
+    pub fn begin_episode(&mut self, state: &RobotState) {
+        self.first_heading_rad = state.base.heading_rad();
+        self.begin_stride(state);
+    }
+
+    /// A stride begins.
+    pub fn begin_stride(&mut self, state: &RobotState) {
+        *self = Self {
+            first_heading_rad: self.first_heading_rad,
+            start: Instant::of(state),
+            ..Self::new(self.rest)
+        };
+    }
+
+    /// One control tick of `dt_s` inside the stride.
+    pub fn tick(&mut self, state: &RobotState, pendulum: Option<&Pendulum>, dt_s: f64) {
+        self.elapsed_s += dt_s;
+        if let Some(p) = pendulum {
+            self.pitch_rate_integral_deg += p.pitch_rate_rad_s.to_degrees() * dt_s;
+        }
+        let (mut power_w, mut square_rad2) = (0.0, 0.0);
+        for (side, joint, j) in state.joints.iter() {
+            power_w += (j.torque_nm * j.velocity_rad_s).abs();
+            square_rad2 += (j.position_rad - self.rest.position_rad[(side, joint)]).powi(2);
+        }
+        self.energy_j += power_w * dt_s;
+        self.deviation_square_integral_rad2_s += square_rad2 / 10.0 * dt_s;
+        for foot in &state.feet {
+            self.peak_foot_load_n = self.peak_foot_load_n.max(foot.load_n);
+        }
+    }
+
+    /// What was measured up to this state; `at_end` is the pendulum at the section, or the last one
+    /// seen where the stride ended otherwise.
+    #[must_use]
+    pub fn measures(&self, state: &RobotState, at_end: Option<&Pendulum>) -> StrideMeasures {
+        let now = Instant::of(state);
+        let [dx, dy] = [now.com_m[0] - self.start.com_m[0], now.com_m[1] - self.start.com_m[1]];
+        let (sin, cos) = self.first_heading_rad.sin_cos();
+        let turn_rad = now.heading_rad - self.start.heading_rad;
+        let half_turn = std::f64::consts::PI;
+        let turn_rad = (turn_rad + half_turn).rem_euclid(2.0 * half_turn) - half_turn;
+        let per_elapsed = |integral: f64| {
+            if self.elapsed_s > 0.0 { integral / self.elapsed_s } else { 0.0 }
+        };
+        StrideMeasures {
+            duration_s: now.time_s - self.start.time_s,
+            forward_m: cos * dx + sin * dy,
+            left_m: cos * dy - sin * dx,
+            turn_deg: turn_rad.to_degrees(),
+            psi_roll_deg: at_end.map_or(0.0, |p| p.roll_rad.to_degrees()),
+            psi_pitch_deg: at_end.map_or(0.0, |p| p.pitch_rad.to_degrees()),
+            psi_pitch_rate_deg_s: at_end.map_or(0.0, |p| p.pitch_rate_rad_s.to_degrees()),
+            mean_psi_pitch_rate_deg_s: per_elapsed(self.pitch_rate_integral_deg),
+            energy_j: self.energy_j,
+            peak_foot_load_n: self.peak_foot_load_n,
+            posture_deviation_deg: per_elapsed(self.deviation_square_integral_rad2_s)
+                .sqrt()
+                .to_degrees(),
+        }
+    }
+}

@@ -1,0 +1,419 @@
+//! The robot as a stride process: robot + gait + section + task, run from section to section.
+//!
+//! ```text
+//! action ──▶ action law ──▶ gait modulations
+//!                               │
+//!            robot state ──▶ gait.targets ──▶ robot.step ──▶ robot state ──▶ section ──▶ next state
+//!                               ▲________________________________│   every control period
+//! ```
+
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use stridemap_gait::Gait;
+use stridemap_returnmap::{
+    ActionDimension, ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, StateDimension,
+    Stride, StrideEnd, StrideProcess,
+};
+use stridemap_robot::{Robot, RobotError, RobotState, Side};
+use stridemap_section::{Crossing, SectionConfig, SectionDetector};
+
+use crate::error::LabError;
+use crate::measure::{StrideMeasures, StrideMeter};
+use crate::reward::{RewardTerm, StateComponent, reward};
+
+/// When a stride counts as a fall or a stall, and what that costs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FailureConfig {
+    /// Reward of a fall or a stall.
+    pub reward: f64,
+    /// A section with `ψ_roll` below this is a fall (the mass hangs over the outer side).
+    pub psi_roll_below_deg: f64,
+    /// A centre of mass below this share of its first height is a fall.
+    pub com_height_below: f64,
+    /// A base tilted by more than this is a fall.
+    pub tilt_above_deg: f64,
+    /// No section for this long is a stall.
+    pub no_section_s: f64,
+}
+
+/// One modulation of the gait as a component of the action.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantAction {
+    /// Index into [`Gait::modulations`].
+    pub modulation: usize,
+    /// Name with unit.
+    pub name: String,
+    /// Bounds, rate and smoothing.
+    pub limits: ActionLimits,
+}
+
+/// What the plant needs to know of a task.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantTask {
+    /// Components of the state.
+    pub state: Vec<StateComponent>,
+    /// Components of the action.
+    pub action: Vec<PlantAction>,
+    /// Reward of a stride that reached the next section.
+    pub reward: Vec<RewardTerm>,
+    /// When a stride counts as a fall or a stall.
+    pub failure: FailureConfig,
+    /// How the section is found.
+    pub section: SectionConfig,
+    /// Sections passed with the nominal gait after its start-up, before an episode begins.
+    pub warm_up_strides: usize,
+}
+
+/// Strides made on the robot since the plant was built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlantCounters {
+    /// Strides of the nominal gait at the beginning of episodes.
+    pub warm_up: usize,
+    /// Strides asked for by [`StrideProcess::stride`].
+    pub strides: usize,
+    /// Falls, in warm-up as well.
+    pub falls: usize,
+    /// Stalls, in warm-up as well.
+    pub stalls: usize,
+}
+
+impl PlantCounters {
+    /// What was counted since an earlier reading.
+    #[must_use]
+    pub const fn since(self, before: Self) -> Self {
+        Self {
+            warm_up: self.warm_up - before.warm_up,
+            strides: self.strides - before.strides,
+            falls: self.falls - before.falls,
+            stalls: self.stalls - before.stalls,
+        }
+    }
+}
+
+/// A disturbance: a force on the torso for a while.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Push {
+    /// Lateral force, + to the robot's left.
+    pub left_n: f64,
+    /// For how long.
+    pub duration_s: f64,
+}
+
+/// What a [`Plant`] does at every control tick besides walking.
+pub trait TickObserver: Send {
+    /// Called after each control period. `crossing` is set when a section was found in it, `push_n`
+    /// while a force acts.
+    fn tick(
+        &mut self,
+        robot: &dyn Robot,
+        state: &RobotState,
+        crossing: Option<&Crossing>,
+        push_n: Option<[f64; 3]>,
+    );
+}
+
+/// The robot as a [`StrideProcess`].
+pub struct Plant {
+    robot: Box<dyn Robot>,
+    gait: Box<dyn Gait>,
+    task: PlantTask,
+    spec: ProcessSpec,
+    detector: SectionDetector,
+    law: ActionLaw,
+    meter: StrideMeter,
+    counters: PlantCounters,
+    at_section: bool,
+    first_com_height_m: f64,
+    last_measures: StrideMeasures,
+    pending_push: Option<Push>,
+    push_until_s: Option<f64>,
+    push_force_n: Option<[f64; 3]>,
+    observer: Option<Box<dyn TickObserver>>,
+    abort_reason: Option<RobotError>,
+}
+
+/// How running to the next section went.
+enum Outcome {
+    Crossing(Crossing),
+    Fell,
+    NoCrossing,
+}
+
+/// Nominal starts that may fail before the robot is given up.
+const START_ATTEMPTS: usize = 3;
+
+impl Plant {
+    /// A plant that has not been reset.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] if the section's configuration or an action's limits are outside their domain.
+    pub fn new(
+        robot: Box<dyn Robot>,
+        gait: Box<dyn Gait>,
+        task: PlantTask,
+    ) -> Result<Self, LabError> {
+        let detector = SectionDetector::new(task.section)?;
+        let law = ActionLaw::new(task.action.iter().map(|a| a.limits).collect())?;
+        let spec = ProcessSpec {
+            state: task.state.iter().map(|c| StateDimension { name: c.name().into() }).collect(),
+            action: task
+                .action
+                .iter()
+                .map(|a| ActionDimension {
+                    name: a.name.clone(),
+                    lower: a.limits.lower,
+                    upper: a.limits.upper,
+                })
+                .collect(),
+        };
+        let meter = StrideMeter::new(gait.rest());
+        Ok(Self {
+            robot,
+            gait,
+            task,
+            spec,
+            detector,
+            law,
+            meter,
+            counters: PlantCounters::default(),
+            at_section: false,
+            first_com_height_m: 0.0,
+            last_measures: StrideMeasures::default(),
+            pending_push: None,
+            push_until_s: None,
+            push_force_n: None,
+            observer: None,
+            abort_reason: None,
+        })
+    }
+
+    /// Strides made so far.
+    #[must_use]
+    pub const fn counters(&self) -> PlantCounters {
+        self.counters
+    }
+
+    /// What was measured of the last stride.
+    #[must_use]
+    pub const fn last_measures(&self) -> &StrideMeasures {
+        &self.last_measures
+    }
+
+    /// Why the last stride was aborted, if it was.
+    #[must_use]
+    pub const fn abort_reason(&self) -> Option<&RobotError> {
+        self.abort_reason.as_ref()
+    }
+
+    /// The action that the next stride starts from.
+    #[must_use]
+    pub const fn last_action(&self) -> &stridemap_returnmap::Action {
+        self.law.last()
+    }
+
+    /// The leg that the robot stands on.
+    #[must_use]
+    pub fn stance(&self) -> Option<Side> {
+        self.detector.stance()
+    }
+
+    /// The robot inside.
+    #[must_use]
+    pub fn robot(&self) -> &dyn Robot {
+        self.robot.as_ref()
+    }
+
+    /// Sets or removes an observer of every control tick.
+    pub fn observe(&mut self, observer: Option<Box<dyn TickObserver>>) {
+        self.observer = observer;
+    }
+
+    /// Pushes the torso during the next stride, from the moment when the load passes from one foot to
+    /// the other.
+    pub fn push_in_next_stride(&mut self, push: Push) {
+        self.pending_push = Some(push);
+    }
+
+    fn robot_time_s(&self) -> f64 {
+        self.robot.state().time_s
+    }
+
+    /// One control period. Returns the section found in it.
+    fn tick(&mut self) -> Result<Option<Crossing>, RobotError> {
+        let dt_s = self.robot.description().control_period_s;
+        let targets = self.gait.targets(self.robot.state(), dt_s);
+        let stance_before = self.detector.stance();
+        self.robot.step(&targets)?;
+        let crossing = self.detector.update(self.robot.state());
+        let pendulum = self.detector.pendulum();
+        self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
+        if let Some(observer) = &mut self.observer {
+            let robot = self.robot.as_ref();
+            observer.tick(robot, robot.state(), crossing.as_ref(), self.push_force_n);
+        }
+        self.update_push(stance_before)?;
+        Ok(crossing)
+    }
+
+    /// Starts a pending push when the stance changes, and ends one whose time is over.
+    fn update_push(&mut self, stance_before: Option<Side>) -> Result<(), RobotError> {
+        let now_s = self.robot_time_s();
+        if self.push_until_s.is_some_and(|until_s| now_s >= until_s - 1e-9) {
+            self.push_until_s = None;
+            self.push_force_n = None;
+            self.robot.set_push([0.0; 3])?;
+        }
+        let changed = stance_before.is_some() && self.detector.stance() != stance_before;
+        if let (true, Some(push)) = (changed, self.pending_push) {
+            let (sin, cos) = self.robot.state().base.heading_rad().sin_cos();
+            let force_n = [-sin * push.left_n, cos * push.left_n, 0.0];
+            self.robot.set_push(force_n)?;
+            self.pending_push = None;
+            self.push_force_n = Some(force_n);
+            self.push_until_s = Some(now_s + push.duration_s);
+        }
+        Ok(())
+    }
+
+    fn has_fallen(&self) -> bool {
+        let state = self.robot.state();
+        let failure = &self.task.failure;
+        state.com.position_m[2] < failure.com_height_below * self.first_com_height_m
+            || state.base.tilt_rad() > failure.tilt_above_deg.to_radians()
+    }
+
+    /// Runs until the next section, a fall or a stall.
+    fn run_to_section(&mut self) -> Result<Outcome, RobotError> {
+        let start_s = self.robot_time_s();
+        loop {
+            let crossing = self.tick()?;
+            if self.has_fallen() {
+                return Ok(Outcome::Fell);
+            }
+            if let Some(crossing) = crossing {
+                let roll_deg = crossing.pendulum.roll_rad.to_degrees();
+                return Ok(if roll_deg < self.task.failure.psi_roll_below_deg {
+                    Outcome::Fell
+                } else {
+                    Outcome::Crossing(crossing)
+                });
+            }
+            if self.robot_time_s() - start_s > self.task.failure.no_section_s {
+                return Ok(Outcome::NoCrossing);
+            }
+        }
+    }
+
+    fn state_of(&self, measures: &StrideMeasures) -> State {
+        self.task.state.iter().map(|component| component.of(measures)).collect()
+    }
+
+    fn count_end(&mut self, end: StrideEnd) {
+        match end {
+            StrideEnd::Fell => self.counters.falls += 1,
+            StrideEnd::NoCrossing => self.counters.stalls += 1,
+            StrideEnd::Crossing | StrideEnd::Aborted => {}
+        }
+    }
+
+    /// One nominal start: reset, start-up, warm-up strides. `None` if the robot fell or stalled.
+    fn start(&mut self, rng: &mut ChaCha8Rng) -> Result<Option<State>, RobotError> {
+        self.gait.reset();
+        self.detector.reset();
+        self.law.reset();
+        self.pending_push = None;
+        self.push_until_s = None;
+        self.push_force_n = None;
+        let rest = self.gait.rest();
+        self.first_com_height_m = self.robot.reset(&rest, rng)?.com.position_m[2];
+        self.meter.begin_episode(self.robot.state());
+        let mut strides_since_start_up = 0;
+        loop {
+            match self.run_to_section()? {
+                Outcome::Crossing(crossing) => {
+                    self.counters.warm_up += 1;
+                    if self.robot_time_s() < self.gait.start_up_s() {
+                        continue;
+                    }
+                    if strides_since_start_up < self.task.warm_up_strides {
+                        strides_since_start_up += 1;
+                        continue;
+                    }
+                    self.meter.begin_episode(self.robot.state());
+                    let measures =
+                        self.meter.measures(self.robot.state(), Some(&crossing.pendulum));
+                    return Ok(Some(self.state_of(&measures)));
+                }
+                Outcome::Fell => {
+                    self.count_end(StrideEnd::Fell);
+                    return Ok(None);
+                }
+                Outcome::NoCrossing => {
+                    self.count_end(StrideEnd::NoCrossing);
+                    return Ok(None);
+                }
+            }
+        }
+    }
+}
+
+fn world(error: impl std::error::Error + Send + Sync + 'static) -> ProcessError {
+    ProcessError::World(Box::new(error))
+}
+
+impl StrideProcess for Plant {
+    fn spec(&self) -> &ProcessSpec {
+        &self.spec
+    }
+
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+        self.at_section = false;
+        for _ in 0..START_ATTEMPTS {
+            if let Some(state) = self.start(rng).map_err(world)? {
+                self.at_section = true;
+                return Ok(state);
+            }
+        }
+        Err(world(LabError::NominalGaitFails {
+            attempts: START_ATTEMPTS,
+            time_s: self.robot_time_s(),
+        }))
+    }
+
+    fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
+        if !self.at_section {
+            return Err(ProcessError::NotReset);
+        }
+        let action = self.law.apply(action)?;
+        for (component, value) in self.task.action.iter().zip(&action) {
+            self.gait.modulate(component.modulation, *value).map_err(world)?;
+        }
+        self.meter.begin_stride(self.robot.state());
+        self.counters.strides += 1;
+        let (end, pendulum) = match self.run_to_section() {
+            Ok(Outcome::Crossing(crossing)) => (StrideEnd::Crossing, Some(crossing.pendulum)),
+            Ok(Outcome::Fell) => (StrideEnd::Fell, self.detector.pendulum()),
+            Ok(Outcome::NoCrossing) => (StrideEnd::NoCrossing, self.detector.pendulum()),
+            Err(error) => {
+                self.abort_reason = Some(error);
+                (StrideEnd::Aborted, self.detector.pendulum())
+            }
+        };
+        self.at_section = end == StrideEnd::Crossing;
+        self.count_end(end);
+        let measures = self.meter.measures(self.robot.state(), pendulum.as_ref());
+        self.last_measures = measures;
+        Ok(Stride {
+            next_state: self.state_of(&measures),
+            reward: match end {
+                StrideEnd::Crossing => reward(&self.task.reward, &measures),
+                StrideEnd::Fell | StrideEnd::NoCrossing => self.task.failure.reward,
+                StrideEnd::Aborted => 0.0,
+            },
+            action,
+            end,
+        })
+    }
+}

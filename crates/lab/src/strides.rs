@@ -1,0 +1,276 @@
+//! Strides made on the robot, one record each.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+use stridemap_learn::Policy;
+use stridemap_returnmap::{Action, State, StrideEnd, StrideProcess};
+use stridemap_robot::Side;
+
+use crate::error::LabError;
+use crate::measure::StrideMeasures;
+use crate::plant::Plant;
+use crate::task::ExploreConfig;
+
+/// Why a stride was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StrideRole {
+    /// Offered to the map.
+    Training,
+    /// Run to choose, prove or stop.
+    Evaluation,
+    /// Run only to report.
+    Record,
+}
+
+impl StrideRole {
+    /// The word used in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Training => "training",
+            Self::Evaluation => "evaluation",
+            Self::Record => "record",
+        }
+    }
+}
+
+/// In which phase of a run a stride was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StridePhase {
+    /// Exploring, or drawing from the stochastic policy.
+    Collect,
+    /// Running the policy's mean to see how good it is.
+    Evaluate,
+    /// Running a policy's mean to report.
+    Record,
+}
+
+impl StridePhase {
+    /// The word used in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Collect => "collect",
+            Self::Evaluate => "evaluate",
+            Self::Record => "record",
+        }
+    }
+}
+
+/// One stride on the robot: (x, u, x′, reward, how it ended), and where it comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transition {
+    /// Iteration of Algorithm 1, from 1.
+    pub iteration: usize,
+    /// In which phase it was made.
+    pub phase: StridePhase,
+    /// What it is for. Evaluation strides that are offered to the map have the training role.
+    pub role: StrideRole,
+    /// Episode within its phase, from 0; a new one begins with each fresh start.
+    pub episode: usize,
+    /// Stride within its episode, from 0.
+    pub k: usize,
+    /// Robot time at its end, since the fresh start.
+    pub time_s: f64,
+    /// The leg that carried the robot at the section where it began.
+    pub stance: Option<Side>,
+    /// x(k).
+    pub state: State,
+    /// u(k−1), as applied.
+    pub last_action: Action,
+    /// u(k), as applied.
+    pub action: Action,
+    /// x(k+1); the last state known where the stride did not reach the section.
+    pub next_state: State,
+    /// r(k+1).
+    pub reward: f64,
+    /// How it ended.
+    pub end: StrideEnd,
+    /// What was measured of it.
+    pub measures: StrideMeasures,
+}
+
+/// Where actions on the robot come from.
+pub enum ActionSource<'a> {
+    /// Exploration without a policy.
+    Explore(&'a ExploreConfig),
+    /// Draws from a policy, plus normal noise of these standard deviations.
+    Sample(&'a dyn Policy, &'a [f64]),
+    /// A policy's mean.
+    Mean(&'a dyn Policy),
+}
+
+/// Draws actions for one episode after another.
+struct Actor<'a> {
+    source: &'a ActionSource<'a>,
+    center: Vec<f64>,
+    strides_at_center: usize,
+}
+
+impl<'a> Actor<'a> {
+    fn new(source: &'a ActionSource<'a>) -> Self {
+        Self { source, center: Vec::new(), strides_at_center: 0 }
+    }
+
+    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+        let mut normal = |std: f64, rng: &mut ChaCha8Rng| {
+            let z: f64 = StandardNormal.sample(rng);
+            std * z
+        };
+        match self.source {
+            ActionSource::Mean(policy) => policy.mean(state),
+            ActionSource::Sample(policy, noise) => {
+                let drawn = policy.sample(state, rng);
+                drawn.iter().zip(*noise).map(|(u, std)| u + normal(*std, rng)).collect()
+            }
+            ActionSource::Explore(explore) => {
+                if self.strides_at_center == 0 {
+                    self.center = explore
+                        .center
+                        .iter()
+                        .map(|[low, high]| low + (high - low) * rng.random::<f64>())
+                        .collect();
+                }
+                self.strides_at_center = (self.strides_at_center + 1) % explore.hold;
+                let explored = self.center.iter().zip(&explore.std);
+                explored.map(|(center, std)| center + normal(*std, rng)).collect()
+            }
+        }
+    }
+}
+
+/// Strides in a row that the equipment may abort before a batch is given up.
+const ABORTS_IN_A_ROW: usize = 5;
+
+/// Where the strides of a batch belong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Batch {
+    /// Iteration of Algorithm 1, from 1.
+    pub iteration: usize,
+    /// In which phase they are made.
+    pub phase: StridePhase,
+    /// What they are for.
+    pub role: StrideRole,
+    /// How many.
+    pub strides: usize,
+}
+
+/// Makes a batch of strides on the robot, from a fresh start, starting afresh after each fall.
+///
+/// `before` is called before each stride with the plant and the stride's index in the batch (to push,
+/// say); `observe` sees each stride as it ends. Aborted strides are shown, but neither returned nor
+/// counted.
+///
+/// # Errors
+///
+/// [`LabError::Process`] if the plant cannot be started or driven; [`LabError::Equipment`] after
+/// several aborted strides in a row. What `observe` has seen stays valid.
+pub fn make_strides(
+    plant: &mut Plant,
+    source: &ActionSource<'_>,
+    batch: Batch,
+    rng: &mut ChaCha8Rng,
+    before: &mut dyn FnMut(&mut Plant, usize),
+    observe: &mut dyn FnMut(&Transition) -> Result<(), LabError>,
+) -> Result<Vec<Transition>, LabError> {
+    let mut transitions = Vec::with_capacity(batch.strides);
+    let mut actor = Actor::new(source);
+    let (mut episode, mut k, mut aborts) = (0, 0, 0);
+    let mut state: Option<State> = None;
+    while transitions.len() < batch.strides {
+        let from = match state.take() {
+            Some(state) => state,
+            None => plant.reset(rng)?,
+        };
+        let action = actor.act(&from, rng);
+        let (stance, last_action) = (plant.stance(), plant.last_action().clone());
+        before(plant, transitions.len());
+        let stride = plant.stride(&action, rng)?;
+        let transition = Transition {
+            iteration: batch.iteration,
+            phase: batch.phase,
+            role: batch.role,
+            episode,
+            k,
+            time_s: plant.robot().state().time_s,
+            stance,
+            state: from,
+            last_action,
+            action: stride.action,
+            next_state: stride.next_state,
+            reward: stride.reward,
+            end: stride.end,
+            measures: *plant.last_measures(),
+        };
+        observe(&transition)?;
+        if transition.end == StrideEnd::Crossing {
+            state = Some(transition.next_state.clone());
+            k += 1;
+        } else {
+            episode += 1;
+            k = 0;
+        }
+        if transition.end == StrideEnd::Aborted {
+            aborts += 1;
+            if aborts == ABORTS_IN_A_ROW {
+                let reason = plant.abort_reason().map(ToString::to_string).unwrap_or_default();
+                return Err(LabError::Equipment { aborts, reason });
+            }
+        } else {
+            aborts = 0;
+            transitions.push(transition);
+        }
+    }
+    Ok(transitions)
+}
+
+/// What a policy achieved over a batch: the numbers of a measured policy.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Performance {
+    /// Strides averaged.
+    pub strides: usize,
+    /// Mean reward over them; a fall scores its own reward.
+    pub mean_reward: f64,
+    /// Mean `ψ_roll` at the section over those that reached one.
+    pub mean_psi_roll_deg: f64,
+    /// Falls, among the strides left out of the mean as well.
+    pub falls: usize,
+    /// Stalls, likewise.
+    pub stalls: usize,
+}
+
+impl Performance {
+    /// Sums up a batch, leaving its first `discard` strides out of the means.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// let nothing = stridemap_lab::Performance::of(&[], 0);
+    /// assert_eq!((nothing.strides, nothing.falls), (0, 0));
+    /// ```
+    #[must_use]
+    pub fn of(transitions: &[Transition], discard: usize) -> Self {
+        let counted = |end| transitions.iter().filter(|t| t.end == end).count();
+        let kept = transitions.get(discard..).unwrap_or(&[]);
+        let mean = |values: &mut dyn Iterator<Item = f64>| {
+            let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), v| (sum + v, n + 1));
+            if count == 0 { 0.0 } else { sum / f64::from(count) }
+        };
+        Self {
+            strides: kept.len(),
+            mean_reward: mean(&mut kept.iter().map(|t| t.reward)),
+            mean_psi_roll_deg: mean(
+                &mut kept
+                    .iter()
+                    .filter(|t| t.end == StrideEnd::Crossing)
+                    .map(|t| t.measures.psi_roll_deg),
+            ),
+            falls: counted(StrideEnd::Fell),
+            stalls: counted(StrideEnd::NoCrossing),
+        }
+    }
+}

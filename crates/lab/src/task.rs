@@ -1,0 +1,356 @@
+//! A task: what a TOML file under `experiments/` says.
+
+use serde::{Deserialize, Serialize};
+use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
+use stridemap_learn::ActorCriticConfig;
+use stridemap_mujoco::{MujocoConfig, MujocoRobot};
+use stridemap_returnmap::{ActionLimits, MapConfig};
+use stridemap_section::SectionConfig;
+
+use crate::error::{Invalid, LabError};
+use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
+use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
+
+/// One component of the action.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActionConfig {
+    /// The gait's modulation that it sets, by name; its unit is in the name.
+    pub modulates: String,
+    /// Smallest and largest value, on the robot and in the map.
+    pub bounds: [f64; 2],
+    /// Largest change from one stride to the next; no limit if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_per_stride: Option<f64>,
+    /// Share of the way to the wanted value that is gone in one stride, in (0, 1].
+    #[serde(default = "one")]
+    pub gain: f64,
+}
+
+const fn one() -> f64 {
+    1.0
+}
+
+/// How the first batch explores.
+///
+/// Every `hold` strides a centre is drawn, uniform in `center`; the action is the centre plus normal
+/// noise of standard deviation `std`, both per component of the action.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExploreConfig {
+    /// Range of the centre, per component.
+    pub center: Vec<[f64; 2]>,
+    /// Standard deviation about the centre, per component.
+    pub std: Vec<f64>,
+    /// Strides for which a centre is kept.
+    pub hold: usize,
+}
+
+/// Step 2 of Algorithm 1: strides on the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CollectConfig {
+    /// Strides per iteration; the last entry serves all later iterations.
+    pub strides: Vec<usize>,
+    /// Sections passed with the nominal gait after its start-up, before an episode begins.
+    pub warm_up_strides: usize,
+    /// Standard deviation of normal noise, per component of the action, added to what the policy
+    /// draws from the second iteration on.
+    pub later_noise_std: Vec<f64>,
+    /// How the first batch explores.
+    pub explore: ExploreConfig,
+}
+
+/// Which learner improves the policy in the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LearnerKind {
+    /// The paper's actor-critic.
+    ActorCritic,
+}
+
+/// Step 4 of Algorithm 1: the learner.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LearnerConfig {
+    /// Which one.
+    pub kind: LearnerKind,
+    /// Whether each iteration starts from the policy before it instead of from scratch.
+    pub warm_start: bool,
+    /// Parameters of the actor-critic.
+    pub actor_critic: ActorCriticConfig,
+}
+
+/// Algorithm 1 itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AlgorithmConfig {
+    /// Most iterations.
+    pub iterations: usize,
+    /// Strides of the deterministic policy on the robot after each improvement. They choose the best
+    /// policy, and count as training too when `evaluation_trains`. 0: the last policy is final.
+    pub evaluation_strides: usize,
+    /// First evaluation strides that are left out of the mean (start-up transient).
+    pub evaluation_discard: usize,
+    /// Whether evaluation strides are offered to the map.
+    pub evaluation_trains: bool,
+    /// Step 5: stop when the evaluated mean reward has not risen by more than this; left out: run all
+    /// iterations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_below_improvement: Option<f64>,
+}
+
+/// Strides run only to report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordConfig {
+    /// Strides averaged for `nominal` and `final`.
+    pub strides: usize,
+    /// Strides averaged for each iteration's policy.
+    pub iteration_strides: usize,
+    /// First strides that are not averaged.
+    pub discard: usize,
+}
+
+/// A task, resolved: every value known.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Task {
+    /// The experiment's name.
+    pub name: String,
+    /// What it is, in a sentence.
+    pub about: String,
+    /// Components of the state at the section.
+    pub state: Vec<StateComponent>,
+    /// The robot.
+    pub robot: MujocoConfig,
+    /// The nominal gait.
+    pub gait: OscillatorGaitConfig,
+    /// The Poincaré section.
+    pub section: SectionConfig,
+    /// Components of the action.
+    pub action: Vec<ActionConfig>,
+    /// Terms of the reward; it is their sum.
+    pub reward: Vec<RewardTerm>,
+    /// When a stride counts as a fall or a stall.
+    pub failure: FailureConfig,
+    /// Strides on the robot.
+    pub collect: CollectConfig,
+    /// The learned map.
+    pub map: MapConfig,
+    /// The learner.
+    pub learner: LearnerConfig,
+    /// The loop.
+    pub algorithm: AlgorithmConfig,
+    /// Strides run only to report.
+    pub record: RecordConfig,
+}
+
+impl Task {
+    /// Checks what the types cannot, first fault first.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Invalid`] with the key at fault, which the caller can place in a file; or the
+    /// error of the room that owns the value.
+    pub fn validate(&self) -> Result<(), LabError> {
+        let invalid = |key: String, requirement: String| {
+            Err(LabError::Invalid(Invalid { key, requirement }))
+        };
+        self.robot.validate()?;
+        self.gait.validate()?;
+        self.section.validate()?;
+        if self.state.is_empty() {
+            return invalid("state".into(), "needs at least one component".into());
+        }
+        if let Some(i) = (1..self.state.len()).find(|&i| self.state[..i].contains(&self.state[i])) {
+            return invalid("state".into(), format!("names {} twice", self.state[i].name()));
+        }
+        self.plant_actions()?;
+        if self.reward.is_empty() {
+            return invalid("reward".into(), "needs at least one [[reward]] term".into());
+        }
+        for (i, term) in self.reward.iter().enumerate() {
+            let needs_target = term.quantity == RewardQuantity::PsiRollSquaredError;
+            if needs_target != term.target_deg.is_some() {
+                let word = if needs_target { "needs" } else { "has no use for" };
+                return invalid(format!("reward.{i}"), format!("this quantity {word} target_deg"));
+            }
+            if !term.weight.is_finite() {
+                return invalid(format!("reward.{i}.weight"), "must be finite".into());
+            }
+        }
+        let f = &self.failure;
+        for (key, value, low, high) in [
+            ("failure.reward", f.reward, -1e6, 0.0),
+            ("failure.psi_roll_below_deg", f.psi_roll_below_deg, -90.0, 90.0),
+            ("failure.com_height_below", f.com_height_below, 0.0, 1.0),
+            ("failure.tilt_above_deg", f.tilt_above_deg, 1.0, 180.0),
+            ("failure.no_section_s", f.no_section_s, 0.1, 60.0),
+        ] {
+            if !(low..=high).contains(&value) {
+                return invalid(key.into(), format!("is {value}, must lie in [{low}, {high}]"));
+            }
+        }
+        let (n, m) = (self.state.len(), self.action.len());
+        let explore = &self.collect.explore;
+        for (key, found, expected, what) in [
+            ("collect.explore.center", explore.center.len(), m, "component of the action"),
+            ("collect.explore.std", explore.std.len(), m, "component of the action"),
+            ("collect.later_noise_std", self.collect.later_noise_std.len(), m, "component of the action"),
+            (
+                "learner.actor_critic.basis_widths",
+                self.learner.actor_critic.basis_widths.len(),
+                n,
+                "component of the state",
+            ),
+            (
+                "learner.actor_critic.action_unit",
+                self.learner.actor_critic.action_unit.len(),
+                m,
+                "component of the action",
+            ),
+        ] {
+            if found != expected {
+                return invalid(
+                    key.into(),
+                    format!("has {found} entries, needs one per {what}: {expected}"),
+                );
+            }
+        }
+        if explore.hold == 0 {
+            return invalid("collect.explore.hold".into(), "must be at least 1 stride".into());
+        }
+        for [low, high] in &explore.center {
+            if !(low.is_finite() && high.is_finite() && low <= high) {
+                return invalid(
+                    "collect.explore.center".into(),
+                    format!("[{low}, {high}] must be finite and in order"),
+                );
+            }
+        }
+        for (key, stds) in [
+            ("collect.explore.std", &explore.std),
+            ("collect.later_noise_std", &self.collect.later_noise_std),
+        ] {
+            if let Some(std) = stds.iter().find(|s| !(s.is_finite() && **s >= 0.0)) {
+                return invalid(key.into(), format!("{std} must be finite and not negative"));
+            }
+        }
+        if self.collect.strides.is_empty() || self.collect.strides[0] == 0 {
+            return invalid("collect.strides".into(), "must begin with at least 1 stride".into());
+        }
+        if self.algorithm.iterations == 0 {
+            return invalid("algorithm.iterations".into(), "must be at least 1".into());
+        }
+        let a = &self.algorithm;
+        if a.evaluation_strides > 0 && a.evaluation_discard >= a.evaluation_strides {
+            return invalid(
+                "algorithm.evaluation_discard".into(),
+                format!("must leave some of the {} evaluation strides", a.evaluation_strides),
+            );
+        }
+        if a.stop_below_improvement.is_some() && a.evaluation_strides == 0 {
+            return invalid(
+                "algorithm.stop_below_improvement".into(),
+                "needs evaluation_strides, or there is nothing to compare".into(),
+            );
+        }
+        if self.record.strides == 0 || self.record.iteration_strides == 0 {
+            return invalid("record.strides".into(), "must be at least 1".into());
+        }
+        self.map.validate(n, m)?;
+        self.learner.actor_critic.validate()?;
+        Ok(())
+    }
+
+    /// Builds the nominal gait.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Gait`] for a configuration outside its domain.
+    pub fn gait(&self) -> Result<OscillatorGait, LabError> {
+        Ok(OscillatorGait::new(self.gait, self.robot.rest_targets())?)
+    }
+
+    /// The components of the action, resolved against the gait's modulations.
+    fn plant_actions(&self) -> Result<Vec<PlantAction>, LabError> {
+        let invalid =
+            |key: String, requirement: String| LabError::Invalid(Invalid { key, requirement });
+        if self.action.is_empty() {
+            return Err(invalid("action".into(), "needs at least one [[action]]".into()));
+        }
+        let gait = self.gait()?;
+        let modulations = gait.modulations();
+        let mut actions: Vec<PlantAction> = Vec::with_capacity(self.action.len());
+        for (i, action) in self.action.iter().enumerate() {
+            let Some(index) = modulations.iter().position(|m| m.name == action.modulates) else {
+                let names: Vec<_> = modulations.iter().map(|m| m.name).collect();
+                return Err(LabError::UnknownModulation {
+                    key: format!("action.{i}.modulates"),
+                    found: action.modulates.clone(),
+                    allowed: names,
+                });
+            };
+            if actions.iter().any(|a| a.modulation == index) {
+                return Err(invalid(
+                    format!("action.{i}.modulates"),
+                    format!("names {} twice", action.modulates),
+                ));
+            }
+            let m = &modulations[index];
+            let [lower, upper] = action.bounds;
+            if !(m.lower <= lower && lower <= upper && upper <= m.upper) {
+                return Err(invalid(
+                    format!("action.{i}.bounds"),
+                    format!("[{lower}, {upper}] must lie in order within [{}, {}]", m.lower, m.upper),
+                ));
+            }
+            if action.rate_per_stride.is_some_and(|r| r.is_nan() || r <= 0.0) {
+                return Err(invalid(format!("action.{i}.rate_per_stride"), "must be positive".into()));
+            }
+            if !(action.gain > 0.0 && action.gain <= 1.0) {
+                return Err(invalid(format!("action.{i}.gain"), "must lie in (0, 1]".into()));
+            }
+            actions.push(PlantAction {
+                modulation: index,
+                name: m.name.into(),
+                limits: ActionLimits {
+                    lower,
+                    upper,
+                    rate_per_stride: action.rate_per_stride.unwrap_or(f64::INFINITY),
+                    gain: action.gain,
+                    neutral: m.neutral.clamp(lower, upper),
+                },
+            });
+        }
+        Ok(actions)
+    }
+
+    /// The action law of the task, the same on the robot and in the map.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::validate`].
+    pub fn action_limits(&self) -> Result<Vec<ActionLimits>, LabError> {
+        Ok(self.plant_actions()?.into_iter().map(|a| a.limits).collect())
+    }
+
+    /// Builds the robot with its gait as a stride process.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] of the room at fault.
+    pub fn plant(&self) -> Result<Plant, LabError> {
+        let robot = MujocoRobot::new(&self.robot)?;
+        let task = PlantTask {
+            state: self.state.clone(),
+            action: self.plant_actions()?,
+            reward: self.reward.clone(),
+            failure: self.failure,
+            section: self.section,
+            warm_up_strides: self.collect.warm_up_strides,
+        };
+        Plant::new(Box::new(robot), Box::new(self.gait()?), task)
+    }
+}
