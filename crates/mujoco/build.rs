@@ -55,6 +55,11 @@ fn main() {
                 directory.join(LIBRARY).display()
             );
             println!("cargo::metadata=libdir={}", directory.display());
+            // Programs find the library by the rpath of .cargo/config.toml. What cargo itself runs (doc tests
+            // lie in a temporary directory) also searches link directories below the target directory.
+            if let Err(why) = link_into_out_dir(&directory.join(LIBRARY)) {
+                println!("cargo::warning=doc tests will not find {LIBRARY}: {why}");
+            }
         }
         Err(why) => {
             for line in why.lines() {
@@ -63,6 +68,19 @@ fn main() {
             std::process::exit(1);
         }
     }
+}
+
+/// Gives cargo a directory with the library that it puts on the search path of what it runs.
+fn link_into_out_dir(library: &Path) -> Result<(), String> {
+    let out = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?).join("lib");
+    std::fs::create_dir_all(&out).map_err(|e| e.to_string())?;
+    let link = out.join(LIBRARY);
+    std::fs::remove_file(&link).ok();
+    std::fs::hard_link(library, &link)
+        .or_else(|_| std::fs::copy(library, &link).map(|_| ()))
+        .map_err(|e| e.to_string())?;
+    println!("cargo::rustc-link-search=native={}", out.display());
+    Ok(())
 }
 
 /// Makes sure that the right library is in place; returns its directory.
@@ -121,7 +139,11 @@ fn fetch(source: &Source, directory: &Path) -> Result<(), String> {
         "python3 -m pip download",
         Command::new("python3")
             .args(["-m", "pip", "download", "--no-deps", "--only-binary=:all:"])
-            .args(["--implementation=cp", "--python-version=3.11", "--abi=cp311"])
+            .args([
+                "--implementation=cp",
+                "--python-version=3.11",
+                "--abi=cp311",
+            ])
             .arg(format!("--platform={}", source.platform))
             .args(["--disable-pip-version-check", "--quiet", "--dest"])
             .arg(&download)
