@@ -11,9 +11,11 @@
 mod error;
 mod legs;
 mod robot;
+mod shape;
 mod state;
 
 pub use error::RobotError;
 pub use legs::{JointTargets, LEG_JOINTS, LegJoint, Legs, Side};
 pub use robot::{JointLimits, Robot, RobotDescription};
+pub use shape::{Pose, Shape, ShapeKind};
 pub use state::{BaseState, CentreOfMass, FootState, JointState, RobotState};

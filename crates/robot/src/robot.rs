@@ -4,6 +4,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::RobotError;
 use crate::legs::{JointTargets, Legs};
+use crate::shape::{Pose, Shape};
 use crate::state::RobotState;
 
 /// How far and how hard a joint may go.
@@ -88,5 +89,16 @@ pub trait Robot: Send {
     /// a robot that is not simulated.
     fn engine_seconds(&self) -> Option<f64> {
         None
+    }
+
+    /// What the robot looks like, for drawing; empty if it does not say.
+    fn geometry(&self) -> Vec<Shape> {
+        Vec::new()
+    }
+
+    /// Writes where each body is after the last reset or step, in the order to which
+    /// [`Shape::body`] refers; clears `out` if the robot does not say. Reuses `out`'s memory.
+    fn poses(&self, out: &mut Vec<Pose>) {
+        out.clear();
     }
 }

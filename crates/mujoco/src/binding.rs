@@ -1,0 +1,365 @@
+//! From the names of a configuration to the places of a model.
+
+use mujoco_rs::prelude::MjModel;
+use mujoco_rs::wrappers::mj_model::{MjtGeomBase, MjtJoint, MjtObjBase, MjtTrn};
+use stridemap_robot::{LEG_JOINTS, Side};
+
+use crate::config::{MujocoConfig, no_such_name};
+use crate::engine::{is_motor, is_servo, name_of, own_bodies};
+use crate::error::MujocoError;
+
+/// How a torque reaches a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Drive {
+    /// A position actuator of the model: `ctrl` takes `gear` times the model's angle.
+    Servo {
+        /// Index of the control.
+        ctrl: usize,
+        /// Length of the actuator per radian.
+        gear: f64,
+    },
+    /// A torque actuator of the model, under our PD law.
+    Motor {
+        /// Index of the control.
+        ctrl: usize,
+        /// Control per newton metre.
+        ctrl_per_nm: f64,
+    },
+    /// No actuator: our PD law applies its torque to the joint itself.
+    Applied,
+}
+
+/// One hinge that is driven.
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
+    /// Index of the joint in the model.
+    pub joint: usize,
+    /// Index of its angle in `qpos`.
+    pub qpos: usize,
+    /// Index of its rate in `qvel`.
+    pub dof: usize,
+    /// +1 if the model's axis agrees with Stridemap's, −1 if not.
+    pub sign: f64,
+    /// How it is driven.
+    pub drive: Drive,
+    /// Its actuator in the model.
+    pub actuator: Option<usize>,
+    /// Angle at rest, in the model's sign.
+    pub rest_rad: f64,
+}
+
+/// Where everything is in one model.
+#[derive(Clone, Debug)]
+pub(crate) struct Binding {
+    /// The ten leg joints: left from the hip down, then right.
+    pub legs: [Axis; 10],
+    /// Other hinges and slides of the robot, held at rest.
+    pub others: Vec<Axis>,
+    /// Root body.
+    pub torso: usize,
+    /// Index of the free joint in `qpos`.
+    pub root_qpos: usize,
+    /// Index of the free joint in `qvel`.
+    pub root_dof: usize,
+    /// Foot bodies by side.
+    pub feet: [usize; 2],
+    /// For each geom: the side of the foot that it belongs to.
+    pub foot_of_geom: Vec<Option<u8>>,
+    /// For each geom: whether it is part of the floor (fixed to the world, and able to touch).
+    pub is_floor: Vec<bool>,
+    /// Height of the floor.
+    pub floor_m: f64,
+}
+
+impl Binding {
+    /// Finds everything that the configuration names.
+    pub(crate) fn find(model: &MjModel, config: &MujocoConfig) -> Result<Self, MujocoError> {
+        let mut feet = [0; 2];
+        for side in Side::BOTH {
+            let name = &config.leg(side).foot;
+            feet[side.index()] =
+                model
+                    .name_to_id(MjtObjBase::mjOBJ_BODY, name)
+                    .ok_or_else(|| {
+                        let field = format!("{}.foot", side_name(side));
+                        let names = (0..model.nbody() as usize)
+                            .filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_BODY, id));
+                        no_such_name(field, "body", name, names)
+                    })?;
+        }
+        let not_a_biped = |reason: String| MujocoError::NotABiped {
+            model: config.model.to_string(),
+            reason,
+        };
+        let torso = model.body_rootid()[feet[0]] as usize;
+        let root = (0..model.njnt() as usize)
+            .find(|&j| {
+                model.jnt_type()[j] == MjtJoint::mjJNT_FREE
+                    && model.jnt_bodyid()[j] as usize == torso
+            })
+            .ok_or_else(|| {
+                not_a_biped(format!(
+                    "the body {:?}, from which the feet hang, has no <freejoint/>: the robot could neither move nor fall",
+                    name_of(model, MjtObjBase::mjOBJ_BODY, torso)
+                ))
+            })?;
+        if model.body_rootid()[feet[1]] as usize != torso || feet[0] == feet[1] {
+            return Err(not_a_biped(
+                "left.foot and right.foot must be two bodies of one robot".into(),
+            ));
+        }
+        let legs = leg_axes(model, config)?;
+        let others = other_axes(model, config, torso, &legs)?;
+        let foot_of_geom = (0..model.ngeom() as usize)
+            .map(|geom| foot_of(model, model.geom_bodyid()[geom] as usize, feet))
+            .collect();
+        let is_floor: Vec<bool> = (0..model.ngeom() as usize)
+            .map(|geom| {
+                model.body_weldid()[model.geom_bodyid()[geom] as usize] == 0
+                    && collides(model, geom)
+            })
+            .collect();
+        let floor_m = floor_height(model, &is_floor).ok_or_else(|| {
+            not_a_biped(
+                "there is no floor: add <geom name=\"floor\" type=\"plane\" size=\"0 0 1\"/> to its <worldbody>, \
+                 or name the scene file that includes it"
+                    .into(),
+            )
+        })?;
+        Ok(Self {
+            legs,
+            others,
+            torso,
+            root_qpos: model.jnt_qposadr()[root] as usize,
+            root_dof: model.jnt_dofadr()[root] as usize,
+            feet,
+            foot_of_geom,
+            is_floor,
+            floor_m,
+        })
+    }
+
+    /// Geoms of the feet and of the floor.
+    pub(crate) fn contact_geoms(&self) -> Vec<usize> {
+        (0..self.is_floor.len())
+            .filter(|&geom| self.is_floor[geom] || self.foot_of_geom[geom].is_some())
+            .collect()
+    }
+
+    /// Position actuators of the legs.
+    pub(crate) fn servos(&self) -> Vec<usize> {
+        let servo = |axis: &Axis| matches!(axis.drive, Drive::Servo { .. });
+        let legs = self.legs.iter().filter(|axis| servo(axis));
+        legs.filter_map(|axis| axis.actuator).collect()
+    }
+}
+
+/// "left" or "right", as in a task file.
+pub(crate) fn side_name(side: Side) -> &'static str {
+    match side {
+        Side::Left => "left",
+        Side::Right => "right",
+    }
+}
+
+/// The ten leg joints.
+fn leg_axes(model: &MjModel, config: &MujocoConfig) -> Result<[Axis; 10], MujocoError> {
+    let rest = config.rest_targets().position_rad;
+    let mut found: Vec<(String, Axis)> = Vec::with_capacity(10);
+    for side in Side::BOTH {
+        for joint in LEG_JOINTS {
+            let (sign, name) = config.leg(side).joint(joint);
+            let field = format!("{}.{}", side_name(side), joint.name());
+            let id = model
+                .name_to_id(MjtObjBase::mjOBJ_JOINT, name)
+                .ok_or_else(|| no_such_name(field.clone(), "joint", name, joint_names(model)))?;
+            if model.jnt_type()[id] != MjtJoint::mjJNT_HINGE {
+                let name = name.to_owned();
+                return Err(MujocoError::NotAHinge { field, name });
+            }
+            if let Some((first, _)) = found.iter().find(|(_, axis)| axis.joint == id) {
+                return Err(MujocoError::NamedTwice {
+                    first: first.clone(),
+                    second: field,
+                    name: name.into(),
+                });
+            }
+            let axis = axis(model, id, sign, sign * rest[(side, joint)])?;
+            if !matches!(axis.drive, Drive::Servo { .. })
+                && (config.kp_nm_rad.is_none() || config.kv_nms_rad.is_none())
+            {
+                return Err(MujocoError::NoGains { joint: name.into() });
+            }
+            found.push((field, axis));
+        }
+    }
+    let axes: Vec<Axis> = found.into_iter().map(|(_, axis)| axis).collect();
+    axes.try_into().map_err(|_| MujocoError::NotABiped {
+        model: config.model.to_string(),
+        reason: "ten leg joints are needed".into(),
+    })
+}
+
+/// Joints of the robot beyond the legs that can be held: hinges and slides.
+fn other_axes(
+    model: &MjModel,
+    config: &MujocoConfig,
+    torso: usize,
+    legs: &[Axis],
+) -> Result<Vec<Axis>, MujocoError> {
+    let bodies = own_bodies(model, torso);
+    let mut others = Vec::new();
+    for joint in 0..model.njnt() as usize {
+        let kind = model.jnt_type()[joint];
+        let hinge = kind == MjtJoint::mjJNT_HINGE;
+        if !(hinge || kind == MjtJoint::mjJNT_SLIDE)
+            || legs.iter().any(|axis| axis.joint == joint)
+            || !bodies.contains(&(model.jnt_bodyid()[joint] as usize))
+        {
+            continue;
+        }
+        let reference = model.qpos0()[model.jnt_qposadr()[joint] as usize];
+        let given = model
+            .id_to_name(MjtObjBase::mjOBJ_JOINT, joint)
+            .filter(|_| hinge)
+            .and_then(|name| config.rest_deg.get(name));
+        let rest = given.map_or(reference, |deg| deg.to_radians());
+        others.push(axis(model, joint, 1.0, rest)?);
+    }
+    for name in config.rest_deg.keys() {
+        let leg = LEG_JOINTS.iter().any(|joint| joint.name() == name);
+        let id = model.name_to_id(MjtObjBase::mjOBJ_JOINT, name);
+        let held = |id: usize| {
+            model.jnt_type()[id] == MjtJoint::mjJNT_HINGE
+                && others.iter().any(|axis: &Axis| axis.joint == id)
+        };
+        if !leg && !id.is_some_and(held) {
+            let beyond = others
+                .iter()
+                .filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint));
+            let names = LEG_JOINTS.iter().map(|joint| joint.name()).chain(beyond);
+            let field = "rest_deg".to_owned();
+            return Err(no_such_name(
+                field,
+                "leg joint or further hinge",
+                name,
+                names,
+            ));
+        }
+    }
+    Ok(others)
+}
+
+/// One joint and how it is driven.
+fn axis(model: &MjModel, joint: usize, sign: f64, rest_rad: f64) -> Result<Axis, MujocoError> {
+    let on_joint: Vec<usize> = (0..model.nactuator() as usize)
+        .filter(|&a| {
+            let kind = model.actuator_trntype()[a];
+            (kind == MjtTrn::mjTRN_JOINT || kind == MjtTrn::mjTRN_JOINTINPARENT)
+                && model.actuator_trnid()[a][0] as usize == joint
+        })
+        .collect();
+    let gear = |a: usize| model.actuator_gear()[model.actuator_outadr()[a] as usize][0];
+    let ctrl = |a: usize| model.actuator_ctrladr()[a] as usize;
+    let usable = |a: &usize| model.actuator_ctrlnum()[*a] == 1 && gear(*a).abs() > 0.0;
+    let servo = on_joint
+        .iter()
+        .filter(|a| usable(a))
+        .find(|&&a| is_servo(model, a));
+    let motor = on_joint
+        .iter()
+        .filter(|a| usable(a))
+        .find(|&&a| is_motor(model, a));
+    let (drive, actuator) = match (servo, motor, on_joint.first()) {
+        (Some(&a), _, _) => {
+            let (ctrl, gear) = (ctrl(a), gear(a));
+            (Drive::Servo { ctrl, gear }, Some(a))
+        }
+        (None, Some(&a), _) => {
+            let ctrl_per_nm = 1.0 / (gear(a) * model.actuator_gainprm()[a][0]);
+            let ctrl = ctrl(a);
+            (Drive::Motor { ctrl, ctrl_per_nm }, Some(a))
+        }
+        (None, None, None) => (Drive::Applied, None),
+        (None, None, Some(&a)) => {
+            return Err(MujocoError::Actuator {
+                joint: name_of(model, MjtObjBase::mjOBJ_JOINT, joint),
+                actuator: name_of(model, MjtObjBase::mjOBJ_ACTUATOR, a),
+            });
+        }
+    };
+    Ok(Axis {
+        joint,
+        qpos: model.jnt_qposadr()[joint] as usize,
+        dof: model.jnt_dofadr()[joint] as usize,
+        sign,
+        drive,
+        actuator,
+        rest_rad,
+    })
+}
+
+/// The largest torque that the model allows a joint; infinite if it sets no limit.
+pub(crate) fn torque_limit(model: &MjModel, axis: &Axis) -> f64 {
+    let mut limit = f64::INFINITY;
+    let largest = |range: [f64; 2]| range[0].abs().min(range[1].abs());
+    if model.jnt_actfrclimited()[axis.joint] {
+        limit = limit.min(largest(model.jnt_actfrcrange()[axis.joint]));
+    }
+    if let Some(a) = axis.actuator {
+        let gear = model.actuator_gear()[model.actuator_outadr()[a] as usize][0].abs();
+        if model.actuator_forcelimited()[a] {
+            limit = limit.min(gear * largest(model.actuator_forcerange()[a]));
+        }
+        if let Drive::Motor { ctrl, ctrl_per_nm } = axis.drive
+            && model.actuator_ctrllimited()[ctrl]
+        {
+            limit = limit.min(largest(model.actuator_ctrlrange()[ctrl]) / ctrl_per_nm.abs());
+        }
+    }
+    limit
+}
+
+/// Names of the joints of a model.
+fn joint_names(model: &MjModel) -> impl Iterator<Item = &str> {
+    (0..model.njnt() as usize).filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_JOINT, id))
+}
+
+/// The foot that a body is, or hangs from.
+fn foot_of(model: &MjModel, body: usize, feet: [usize; 2]) -> Option<u8> {
+    let mut body = body;
+    while body != 0 {
+        if body == feet[0] {
+            return Some(0);
+        }
+        if body == feet[1] {
+            return Some(1);
+        }
+        body = model.body_parentid()[body] as usize;
+    }
+    None
+}
+
+/// Whether a geom can touch anything.
+pub(crate) fn collides(model: &MjModel, geom: usize) -> bool {
+    let in_pair = || {
+        let mut both = model.pair_geom1().iter().chain(model.pair_geom2());
+        both.any(|&g| g as usize == geom)
+    };
+    model.geom_contype()[geom] != 0 || model.geom_conaffinity()[geom] != 0 || in_pair()
+}
+
+/// Height of the floor: of a plane if there is one, else of the highest fixed geom's top.
+fn floor_height(model: &MjModel, is_floor: &[bool]) -> Option<f64> {
+    let floors = || (0..is_floor.len()).filter(|&geom| is_floor[geom]);
+    let plane = floors().find(|&geom| model.geom_type()[geom] == MjtGeomBase::mjGEOM_PLANE);
+    match plane {
+        Some(geom) => Some(model.geom_pos()[geom][2]),
+        None => floors()
+            .map(|geom| {
+                let aabb = model.geom_aabb()[geom];
+                model.geom_pos()[geom][2] + aabb[2] + aabb[5]
+            })
+            .reduce(f64::max),
+    }
+}

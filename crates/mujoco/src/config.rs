@@ -1,0 +1,338 @@
+//! What a user says about a simulated robot.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use stridemap_robot::{JointTargets, LegJoint, Legs, Side};
+
+use crate::error::{MujocoError, nearest};
+
+/// Where a model comes from.
+///
+/// In a file it is one string: `"biped"`, or the path of an MJCF file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub enum ModelSource {
+    /// The 1.6 m, 95 kg biped that is part of this crate ([`BIPED_XML`](crate::BIPED_XML)).
+    #[default]
+    Biped,
+    /// An MJCF file.
+    File(PathBuf),
+}
+
+impl From<String> for ModelSource {
+    fn from(text: String) -> Self {
+        match text.as_str() {
+            "biped" => Self::Biped,
+            path => Self::File(path.into()),
+        }
+    }
+}
+
+impl From<ModelSource> for String {
+    fn from(source: ModelSource) -> Self {
+        source.to_string()
+    }
+}
+
+impl std::fmt::Display for ModelSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Biped => write!(f, "biped"),
+            Self::File(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
+/// The model's names for one leg.
+///
+/// A minus before a joint's name says that the model's axis points against Stridemap's: hip pitch +
+/// swings the thigh forward, knee flexion is negative, ankle pitch + lifts the toes, rolls turn about +x.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LegMap {
+    /// Joint that rolls the hip.
+    pub hip_roll: String,
+    /// Joint that pitches the hip.
+    pub hip_pitch: String,
+    /// Knee.
+    pub knee: String,
+    /// Joint that pitches the ankle.
+    pub ankle_pitch: String,
+    /// Joint that rolls the ankle.
+    pub ankle_roll: String,
+    /// Body of the foot; bodies below it (toes) count as part of the foot.
+    pub foot: String,
+}
+
+impl LegMap {
+    /// The names of the built-in biped.
+    #[must_use]
+    pub fn biped(side: Side) -> Self {
+        let prefix = match side {
+            Side::Left => "left",
+            Side::Right => "right",
+        };
+        let name = |part: &str| format!("{prefix}_{part}");
+        Self {
+            hip_roll: name("hip_roll"),
+            hip_pitch: name("hip_pitch"),
+            knee: name("knee"),
+            ankle_pitch: name("ankle_pitch"),
+            ankle_roll: name("ankle_roll"),
+            foot: name("foot"),
+        }
+    }
+
+    /// Sign (+1 or −1) and name of a joint.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_mujoco::LegMap;
+    /// use stridemap_robot::{LegJoint, Side};
+    ///
+    /// let map = LegMap { knee: "-kneeL".into(), ..LegMap::biped(Side::Left) };
+    /// assert_eq!(map.joint(LegJoint::Knee), (-1.0, "kneeL"));
+    /// assert_eq!(map.joint(LegJoint::HipRoll), (1.0, "left_hip_roll"));
+    /// ```
+    #[must_use]
+    pub fn joint(&self, joint: LegJoint) -> (f64, &str) {
+        let name = match joint {
+            LegJoint::HipRoll => &self.hip_roll,
+            LegJoint::HipPitch => &self.hip_pitch,
+            LegJoint::Knee => &self.knee,
+            LegJoint::AnklePitch => &self.ankle_pitch,
+            LegJoint::AnkleRoll => &self.ankle_roll,
+        };
+        match name.strip_prefix('-') {
+            Some(rest) => (-1.0, rest.trim_start()),
+            None => (1.0, name),
+        }
+    }
+}
+
+/// What a user says about a simulated robot. `None` always means the model's own value.
+///
+/// The default is the built-in biped as its model file says: 1 ms physics, 500 Hz control, position servos
+/// with 3000 N m/rad, 105 N m s/rad and at most 600 N m.
+///
+/// # Example
+///
+/// ```
+/// use stridemap_mujoco::{ModelSource, MujocoConfig};
+///
+/// let config: MujocoConfig = toml::from_str("mass_scale = 1.05\nfriction = 0.6")?;
+/// assert_eq!(config.model, ModelSource::Biped);
+/// assert_eq!(config.friction, Some(0.6));
+/// assert!(config.validate().is_ok());
+/// assert!(toml::from_str::<MujocoConfig>("mas_scale = 1.05").is_err());
+/// # Ok::<(), toml::de::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MujocoConfig {
+    /// The model: `"biped"` or the path of an MJCF file.
+    pub model: ModelSource,
+    /// Names of the left leg.
+    pub left: LegMap,
+    /// Names of the right leg.
+    pub right: LegMap,
+    /// Time between two physics steps, > 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_step_s: Option<f64>,
+    /// Time between two commands: a whole multiple of the time step.
+    pub control_period_s: f64,
+    /// Factor on every mass and moment of inertia of the robot, > 0.
+    pub mass_scale: f64,
+    /// Sliding friction coefficient between feet and floor, > 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Stiffness of the leg joints, > 0. Required if one has no position actuator.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kp_nm_rad: Option<f64>,
+    /// Damping of the leg joints, >= 0. Required if one has no position actuator.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kv_nms_rad: Option<f64>,
+    /// Largest torque of a leg joint, either way, > 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque_limit_nm: Option<f64>,
+    /// Largest rate of a leg joint, either way, > 0: what the robot's description says; the simulated
+    /// joints do not enforce it.
+    pub velocity_limit_rad_s: f64,
+    /// Shift of the torso's centre of mass in the torso's frame (x, y, z).
+    pub torso_offset_m: [f64; 3],
+    /// Standard deviation of a normal disturbance of each leg joint's angle at reset, >= 0.
+    pub start_joint_noise_deg: f64,
+    /// Standard deviation of a normal disturbance of the base's horizontal velocity at reset, >= 0.
+    pub start_velocity_noise_m_s: f64,
+    /// Rest angles in degrees: a leg joint's Stridemap name (`hip_pitch`, both legs, Stridemap's sign), or the
+    /// model's name of a hinge beyond the legs, which is held there (the model's sign).
+    ///
+    /// Leg joints not named rest at (hip, knee, ankle) pitch = (20, −40, 20) deg and rolls 0; other joints at
+    /// the model's reference angle.
+    pub rest_deg: BTreeMap<String, f64>,
+}
+
+impl Default for MujocoConfig {
+    fn default() -> Self {
+        Self {
+            model: ModelSource::Biped,
+            left: LegMap::biped(Side::Left),
+            right: LegMap::biped(Side::Right),
+            time_step_s: None,
+            control_period_s: 0.002,
+            mass_scale: 1.0,
+            friction: None,
+            kp_nm_rad: None,
+            kv_nms_rad: None,
+            torque_limit_nm: None,
+            velocity_limit_rad_s: 12.0,
+            torso_offset_m: [0.0; 3],
+            start_joint_noise_deg: 0.0,
+            start_velocity_noise_m_s: 0.0,
+            rest_deg: BTreeMap::new(),
+        }
+    }
+}
+
+impl MujocoConfig {
+    /// The names of a leg.
+    #[must_use]
+    pub fn leg(&self, side: Side) -> &LegMap {
+        match side {
+            Side::Left => &self.left,
+            Side::Right => &self.right,
+        }
+    }
+
+    /// The rest posture of the legs.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_mujoco::MujocoConfig;
+    /// use stridemap_robot::{LegJoint, Side};
+    ///
+    /// let mut config = MujocoConfig::default();
+    /// config.rest_deg.insert("knee".into(), -30.0);
+    /// let rest = config.rest_targets().position_rad;
+    /// assert_eq!(rest[(Side::Left, LegJoint::Knee)], (-30.0_f64).to_radians());
+    /// assert_eq!(rest[(Side::Right, LegJoint::HipPitch)], 20.0_f64.to_radians());
+    /// ```
+    #[must_use]
+    pub fn rest_targets(&self) -> JointTargets {
+        JointTargets {
+            position_rad: Legs::from_fn(|_, joint| {
+                let default_deg = match joint {
+                    LegJoint::HipPitch | LegJoint::AnklePitch => 20.0,
+                    LegJoint::Knee => -40.0,
+                    LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
+                };
+                let given = self.rest_deg.get(joint.name()).copied();
+                given.unwrap_or(default_deg).to_radians()
+            }),
+        }
+    }
+
+    /// Checks everything that can be checked without the model.
+    ///
+    /// # Errors
+    ///
+    /// [`MujocoError::BadValue`] or [`MujocoError::PeriodNotMultiple`], naming field, value and what is allowed.
+    pub fn validate(&self) -> Result<(), MujocoError> {
+        let positive = |field, value: f64| {
+            check(
+                field,
+                value,
+                value.is_finite() && value > 0.0,
+                "a finite number > 0",
+            )
+        };
+        let not_negative = |field, value: f64| {
+            check(
+                field,
+                value,
+                value.is_finite() && value >= 0.0,
+                "a finite number >= 0",
+            )
+        };
+        positive("control_period_s", self.control_period_s)?;
+        positive("mass_scale", self.mass_scale)?;
+        positive("velocity_limit_rad_s", self.velocity_limit_rad_s)?;
+        for (field, value) in [
+            ("time_step_s", self.time_step_s),
+            ("friction", self.friction),
+            ("kp_nm_rad", self.kp_nm_rad),
+            ("torque_limit_nm", self.torque_limit_nm),
+        ] {
+            value.map_or(Ok(()), |value| positive(field, value))?;
+        }
+        self.kv_nms_rad
+            .map_or(Ok(()), |value| not_negative("kv_nms_rad", value))?;
+        not_negative("start_joint_noise_deg", self.start_joint_noise_deg)?;
+        not_negative("start_velocity_noise_m_s", self.start_velocity_noise_m_s)?;
+        for value in self.torso_offset_m {
+            check("torso_offset_m", value, value.is_finite(), "finite")?;
+        }
+        for value in self.rest_deg.values() {
+            check("rest_deg", *value, value.is_finite(), "finite")?;
+        }
+        match self.time_step_s {
+            Some(time_step_s) => steps_per_period(self.control_period_s, time_step_s).map(|_| ()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// An error unless a value is in its domain.
+fn check(
+    field: &'static str,
+    value: f64,
+    good: bool,
+    allowed: &'static str,
+) -> Result<(), MujocoError> {
+    if good {
+        return Ok(());
+    }
+    Err(MujocoError::BadValue {
+        field,
+        value,
+        allowed,
+    })
+}
+
+/// Physics steps in a control period.
+pub(crate) fn steps_per_period(
+    control_period_s: f64,
+    time_step_s: f64,
+) -> Result<usize, MujocoError> {
+    /// Decimal fractions like 0.002 / 0.001 miss a whole number by a few parts in 1e16.
+    const ROUNDING: f64 = 1e-9;
+    let ratio = control_period_s / time_step_s;
+    let whole = ratio.round();
+    if !(1.0..=1e6).contains(&whole) || (ratio - whole).abs() > ROUNDING * whole {
+        return Err(MujocoError::PeriodNotMultiple {
+            control_period_s,
+            time_step_s,
+        });
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Between 1 and 1e6.
+    Ok(whole as usize)
+}
+
+/// An error for a name that the model does not have.
+pub(crate) fn no_such_name<'a>(
+    field: String,
+    what: &'static str,
+    name: &str,
+    among: impl Iterator<Item = &'a str>,
+) -> MujocoError {
+    MujocoError::NoSuchName {
+        field,
+        what,
+        name: name.into(),
+        near: nearest(name, among),
+    }
+}

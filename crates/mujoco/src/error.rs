@@ -1,0 +1,120 @@
+//! What can be wrong with a simulated robot's configuration or model.
+
+/// What can be wrong with a simulated robot's configuration or model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MujocoError {
+    /// A number in the configuration is out of its domain.
+    #[error("{field} is {value}; it must be {allowed}")]
+    BadValue {
+        /// The field at fault.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be accepted.
+        allowed: &'static str,
+    },
+    /// The control period cannot be divided into physics steps.
+    #[error(
+        "control_period_s = {control_period_s} is not a whole multiple of time_step_s = {time_step_s}"
+    )]
+    PeriodNotMultiple {
+        /// Time between two commands.
+        control_period_s: f64,
+        /// Time between two physics steps.
+        time_step_s: f64,
+    },
+    /// MuJoCo cannot load the model.
+    #[error("model {model}: {reason}")]
+    Load {
+        /// The model's name or path.
+        model: String,
+        /// What MuJoCo or the file system said.
+        reason: String,
+    },
+    /// A name in the configuration is not in the model.
+    #[error("{field}: the model has no {what} named {name:?}{}", hint(near))]
+    NoSuchName {
+        /// Where the name stands, e.g. `left.knee`.
+        field: String,
+        /// `joint` or `body`.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// The nearest names in the model.
+        near: Vec<String>,
+    },
+    /// The same joint stands at two places of the joint map.
+    #[error("{first} and {second} both name the joint {name:?}")]
+    NamedTwice {
+        /// One place.
+        first: String,
+        /// The other.
+        second: String,
+        /// The joint.
+        name: String,
+    },
+    /// A joint is of a kind that a leg cannot use.
+    #[error("{field}: the joint {name:?} is not a hinge")]
+    NotAHinge {
+        /// Where the name stands.
+        field: String,
+        /// The joint.
+        name: String,
+    },
+    /// A joint has an actuator that takes neither positions nor torques.
+    #[error(
+        "the joint {joint:?} has the actuator {actuator:?}, which is neither a position servo nor a torque motor; \
+         replace it by <position> or <motor>, or remove it to have the torque applied directly"
+    )]
+    Actuator {
+        /// The joint.
+        joint: String,
+        /// Its actuator.
+        actuator: String,
+    },
+    /// A joint without a position servo needs gains.
+    #[error(
+        "the joint {joint:?} has no position actuator: give kp_nm_rad and kv_nms_rad, with which it is driven"
+    )]
+    NoGains {
+        /// The joint.
+        joint: String,
+    },
+    /// The model is not a biped that can stand on a floor.
+    #[error("model {model}: {reason}")]
+    NotABiped {
+        /// The model's name or path.
+        model: String,
+        /// What is missing and what to do.
+        reason: String,
+    },
+    /// A snapshot belongs to another model.
+    #[error("the snapshot holds {found} numbers, this model's state has {expected}")]
+    ForeignSnapshot {
+        /// Size of this model's state.
+        expected: usize,
+        /// Size of the snapshot's.
+        found: usize,
+    },
+}
+
+/// "; did you mean ...?" for near matches, nothing without.
+fn hint(near: &[String]) -> String {
+    match near {
+        [] => String::new(),
+        names => format!("; the nearest are {}", names.join(", ")),
+    }
+}
+
+/// The names nearest to `name`, best first, at most four; none that is wholly different.
+pub(crate) fn nearest<'a>(name: &str, among: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let wanted = name.to_lowercase();
+    let mut scored: Vec<(f64, &str)> = among
+        .filter(|candidate| !candidate.is_empty())
+        .map(|c| (strsim::jaro_winkler(&wanted, &c.to_lowercase()), c))
+        .filter(|(score, _)| *score > 0.6)
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    scored.into_iter().take(4).map(|(_, c)| c.into()).collect()
+}

@@ -1,0 +1,22 @@
+//! Legged robots simulated by MuJoCo: the 1.6 m, 95 kg biped, and any MJCF with a joint map.
+//!
+//! [`MujocoRobot`] implements [`Robot`](stridemap_robot::Robot) from a [`MujocoConfig`]. This is the only crate
+//! of the workspace that touches MuJoCo. Its build script fetches MuJoCo's shared library; x86-64 and aarch64
+//! Linux with glibc are supported.
+//!
+//! What the simulator warns of is an error here: a state that MuJoCo itself would reset in silence never
+//! reaches a return map.
+
+mod binding;
+mod config;
+mod engine;
+mod error;
+mod robot;
+mod rotation;
+mod scene;
+mod sole;
+
+pub use config::{LegMap, ModelSource, MujocoConfig};
+pub use engine::{BIPED_XML, mujoco_version};
+pub use error::MujocoError;
+pub use robot::{MujocoRobot, Provenance, Snapshot};

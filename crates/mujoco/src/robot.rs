@@ -1,0 +1,577 @@
+//! The simulated robot.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use mujoco_rs::prelude::{MjData, MjModel};
+use mujoco_rs::wrappers::mj_data::{MjtState, MjtWarning};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+use stridemap_robot::{
+    BaseState, CentreOfMass, FootState, JointLimits, JointTargets, Legs, Pose, Robot,
+    RobotDescription, RobotError, RobotState, Shape, Side,
+};
+
+use crate::binding::{Axis, Binding, Drive, torque_limit};
+use crate::config::{MujocoConfig, steps_per_period};
+use crate::engine::{Data, Places, allocation, apply, hash, load, mujoco_version, take_warning};
+use crate::error::MujocoError;
+use crate::rotation::{about_y, inverse, product, to_world, turn};
+use crate::sole::{self, Sole};
+
+/// Everything that the engine needs to go on exactly as before.
+const INTEGRATION: u32 = MjtState::mjSTATE_INTEGRATION as u32;
+/// Kinds of warnings that MuJoCo counts.
+const WARNINGS: usize = MjtWarning::mjNWARNING as usize;
+/// Natural frequency with which a joint beyond the legs is held where the model gives it no servo; its
+/// gains follow from its inertia and are never above those of the legs.
+const HOLD_RAD_S: f64 = 40.0;
+
+/// A PD law on one joint.
+#[derive(Clone, Copy, Debug)]
+struct Law {
+    /// Stiffness.
+    kp: f64,
+    /// Damping.
+    kv: f64,
+    /// Largest torque, either way.
+    limit: f64,
+    /// Desired angle, in the model's sign.
+    target: f64,
+}
+
+/// A biped simulated by MuJoCo.
+///
+/// Positions, velocities and the feet's places are those at the end of the control period; contact forces
+/// (foot loads, centre of pressure) and torques are those of its last physics step. Heights are above the
+/// floor. The base is the body with the free joint, its axes those of the world in the model's reference
+/// posture.
+///
+/// # Example
+///
+/// ```
+/// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+/// use stridemap_mujoco::{MujocoConfig, MujocoRobot};
+/// use stridemap_robot::Robot;
+///
+/// let config = MujocoConfig::default();
+/// let rest = config.rest_targets();
+/// let mut robot = MujocoRobot::new(config)?;
+/// robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
+/// for _ in 0..250 {
+///     robot.step(&rest)?;
+/// }
+/// assert!((robot.state().com.position_m[2] - 0.812).abs() < 0.005);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct MujocoRobot {
+    pub(crate) config: MujocoConfig,
+    pub(crate) model: Arc<MjModel>,
+    pub(crate) binding: Binding,
+    pub(crate) soles: [Sole; 2],
+    pub(crate) data: Data,
+    description: RobotDescription,
+    provenance: Provenance,
+    steps_per_period: usize,
+    /// PD laws of the legs and then of the other joints; those of servos are not used.
+    laws: Vec<Law>,
+    /// Whether any joint is under a PD law of ours.
+    has_laws: bool,
+    /// Inverse of the base's orientation in the reference posture, unless that is the identity.
+    base_inverse: Option<[f64; 4]>,
+    state: RobotState,
+    periods: u64,
+    warnings: [i32; WARNINGS],
+    failure: Option<RobotError>,
+    engine: Duration,
+}
+
+/// Where numbers came from.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Provenance {
+    /// The simulator and its version.
+    pub engine: String,
+    /// The model: `biped` or a path.
+    pub model: String,
+    /// SHA-256 of the compiled model, overrides and meshes included, in hex.
+    pub model_sha256: String,
+    /// Mass of the robot.
+    pub mass_kg: f64,
+    /// Gravity (x, y, z).
+    pub gravity_m_s2: [f64; 3],
+    /// Time between two physics steps.
+    pub time_step_s: f64,
+    /// Time between two commands.
+    pub control_period_s: f64,
+}
+
+/// A moment of a simulation, to go back to. Only meaningful for robots of the same configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    pub(crate) numbers: Box<[f64]>,
+    state: RobotState,
+    periods: u64,
+    failure: Option<RobotError>,
+}
+
+impl MujocoRobot {
+    /// Builds a robot; it hangs in the model's reference posture until its first reset.
+    ///
+    /// # Errors
+    ///
+    /// [`MujocoError`]: a bad value, a model that cannot be loaded or is no biped on a floor, a name that the model
+    /// does not have (with the nearest ones), a joint that cannot be driven.
+    pub fn new(config: MujocoConfig) -> Result<Self, MujocoError> {
+        config.validate()?;
+        let bare = load(&config.model)?;
+        let binding = Binding::find(&bare, &config)?;
+        let places = Places {
+            torso: binding.torso,
+            contact_geoms: &binding.contact_geoms(),
+            servos: &binding.servos(),
+        };
+        let model = Arc::new(apply(bare, &config, &places)?);
+        let time_step_s = model.opt().timestep;
+        let steps_per_period = steps_per_period(config.control_period_s, time_step_s)?;
+        let mut data = MjData::try_new(Arc::clone(&model)).map_err(allocation)?;
+        data.forward();
+        let name = config.model.to_string();
+        let soles = sole::find(&model, &data, &binding, &name)?;
+        let laws = laws(&model, &config, &binding);
+        let mass_kg = model.body_subtreemass()[binding.torso];
+        let limits = Legs::from_fn(|side, joint| {
+            let index = 5 * side.index() + joint.index();
+            limits(&model, &binding.legs[index], &config, laws[index].limit)
+        });
+        let q0 = &model.qpos0()[binding.root_qpos + 3..binding.root_qpos + 7];
+        let q0 = [q0[0], q0[1], q0[2], q0[3]];
+        let turned = q0[1..].iter().any(|v| v.abs() > 1e-12);
+        let servo = |axis: &Axis| matches!(axis.drive, Drive::Servo { .. });
+        let mut robot = Self {
+            description: RobotDescription {
+                name: name.clone(),
+                control_period_s: config.control_period_s,
+                mass_kg,
+                limits,
+            },
+            provenance: Provenance {
+                engine: format!("MuJoCo {}", mujoco_version()),
+                model: name,
+                model_sha256: hash(&model)?,
+                mass_kg,
+                gravity_m_s2: model.opt().gravity,
+                time_step_s,
+                control_period_s: config.control_period_s,
+            },
+            steps_per_period,
+            has_laws: !binding.legs.iter().chain(&binding.others).all(servo),
+            laws,
+            base_inverse: turned.then(|| inverse(q0)),
+            state: RobotState::default(),
+            periods: 0,
+            warnings: [0; WARNINGS],
+            failure: None,
+            engine: Duration::ZERO,
+            config,
+            model,
+            binding,
+            soles,
+            data,
+        };
+        robot.read_forces();
+        robot.read_motion();
+        Ok(robot)
+    }
+
+    /// The configuration with which the robot was built.
+    #[must_use]
+    pub fn config(&self) -> &MujocoConfig {
+        &self.config
+    }
+
+    /// Engine, model, hash, mass, gravity and periods, for a run's record.
+    #[must_use]
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// Physics steps in one control period.
+    #[must_use]
+    pub fn steps_per_period(&self) -> usize {
+        self.steps_per_period
+    }
+
+    /// Stores this moment; [`restore`](Self::restore) goes back to it, to the bit.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            numbers: self.data.state(INTEGRATION),
+            state: self.state.clone(),
+            periods: self.periods,
+            failure: self.failure.clone(),
+        }
+    }
+
+    /// Goes back to a stored moment of this robot or of one of the same configuration. A push that acted
+    /// then acts again.
+    ///
+    /// # Errors
+    ///
+    /// [`MujocoError::ForeignSnapshot`] if the snapshot belongs to a model with another number of states.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), MujocoError> {
+        let foreign = MujocoError::ForeignSnapshot {
+            expected: self.model.state_size(INTEGRATION),
+            found: snapshot.numbers.len(),
+        };
+        if snapshot.numbers.len() != self.model.state_size(INTEGRATION) {
+            return Err(foreign);
+        }
+        self.data
+            .set_state(&snapshot.numbers, INTEGRATION)
+            .map_err(|_| foreign)?;
+        self.count_warnings();
+        self.data.step1();
+        self.state.clone_from(&snapshot.state);
+        self.periods = snapshot.periods;
+        self.failure.clone_from(&snapshot.failure);
+        Ok(())
+    }
+
+    /// Refuses targets that are not finite.
+    fn check(targets: &JointTargets) -> Result<(), RobotError> {
+        for (side, joint, &value_rad) in targets.position_rad.iter() {
+            if !value_rad.is_finite() {
+                return Err(RobotError::NotFinite {
+                    side,
+                    joint: joint.name(),
+                    value_rad,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands the targets to servos and PD laws.
+    fn command(&mut self, targets: &JointTargets) {
+        let ctrl = self.data.ctrl_mut();
+        let flat = targets.position_rad.values.iter().flatten();
+        for ((axis, law), target) in self.binding.legs.iter().zip(&mut self.laws).zip(flat) {
+            law.target = axis.sign * target;
+            if let Drive::Servo { ctrl: index, gear } = axis.drive {
+                ctrl[index] = gear * law.target;
+            }
+        }
+        for axis in &self.binding.others {
+            if let Drive::Servo { ctrl: index, gear } = axis.drive {
+                ctrl[index] = gear * axis.rest_rad;
+            }
+        }
+    }
+
+    /// Computes the torques of our own PD laws from the present angles and rates.
+    fn drive(&mut self) {
+        let axes = self.binding.legs.iter().chain(&self.binding.others);
+        for (axis, law) in axes.zip(&self.laws) {
+            if matches!(axis.drive, Drive::Servo { .. }) {
+                continue;
+            }
+            let error = law.target - self.data.qpos()[axis.qpos];
+            let torque = law.kp * error - law.kv * self.data.qvel()[axis.dof];
+            let torque = torque.clamp(-law.limit, law.limit);
+            match axis.drive {
+                Drive::Motor { ctrl, ctrl_per_nm } => {
+                    self.data.ctrl_mut()[ctrl] = torque * ctrl_per_nm;
+                }
+                Drive::Applied => self.data.qfrc_applied_mut()[axis.dof] = torque,
+                Drive::Servo { .. } => {}
+            }
+        }
+    }
+
+    /// Reads what the last solution of the contacts says: loads, centre of pressure, torques.
+    fn read_forces(&mut self) {
+        let mut load = [0.0; 2];
+        let mut moment = [0.0; 2];
+        for (index, contact) in self.data.contact().iter().enumerate() {
+            let [one, two] = contact.geom;
+            let (Ok(one), Ok(two)) = (usize::try_from(one), usize::try_from(two)) else {
+                continue;
+            };
+            let (side, sign) = match (
+                self.binding.foot_of_geom[one],
+                self.binding.foot_of_geom[two],
+            ) {
+                // MuJoCo reports the force on the second geom.
+                (None, Some(side)) if self.binding.is_floor[one] => (side, 1.0),
+                (Some(side), None) if self.binding.is_floor[two] => (side, -1.0),
+                _ => continue,
+            };
+            let force = self.data.contact_force(index);
+            let up = sign
+                * (contact.frame[2] * force[0]
+                    + contact.frame[5] * force[1]
+                    + contact.frame[8] * force[2]);
+            load[usize::from(side)] += up;
+            moment[0] += up * contact.pos[0];
+            moment[1] += up * contact.pos[1];
+        }
+        let total = load[0] + load[1];
+        self.state.feet[0].load_n = load[0];
+        self.state.feet[1].load_n = load[1];
+        self.state.cop_m = (total > 0.0).then(|| moment.map(|m| m / total));
+        let (actuator, applied) = (self.data.qfrc_actuator(), self.data.qfrc_applied());
+        let joints = self.state.joints.values.iter_mut().flatten();
+        for (joint, axis) in joints.zip(&self.binding.legs) {
+            joint.torque_nm = axis.sign * (actuator[axis.dof] + applied[axis.dof]);
+        }
+    }
+
+    /// Reads positions and velocities; kinematics must be up to date.
+    fn read_motion(&mut self) {
+        self.data.subtree_vel();
+        let floor_m = self.binding.floor_m;
+        let above_floor = |[x, y, z]: [f64; 3]| [x, y, z - floor_m];
+        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
+        let joints = self.state.joints.values.iter_mut().flatten();
+        for (joint, axis) in joints.zip(&self.binding.legs) {
+            joint.position_rad = axis.sign * qpos[axis.qpos];
+            joint.velocity_rad_s = axis.sign * qvel[axis.dof];
+        }
+        let (q, v) = (self.binding.root_qpos, self.binding.root_dof + 3);
+        let mut base = BaseState {
+            position_m: above_floor([qpos[q], qpos[q + 1], qpos[q + 2]]),
+            orientation: [qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]],
+            angular_velocity_rad_s: [qvel[v], qvel[v + 1], qvel[v + 2]],
+        };
+        if let Some(base_inverse) = self.base_inverse {
+            base.orientation = product(base.orientation, base_inverse);
+            base.angular_velocity_rad_s = turn(inverse(base_inverse), base.angular_velocity_rad_s);
+        }
+        self.state.base = base;
+        self.state.com = CentreOfMass {
+            position_m: above_floor(self.data.subtree_com()[self.binding.torso]),
+            velocity_m_s: self.data.subtree_linvel()[self.binding.torso],
+        };
+        for side in Side::BOTH {
+            let point = self.on_foot(side, self.soles[side.index()].centre_m);
+            let foot: &mut FootState = &mut self.state.feet[side.index()];
+            foot.centre_m = above_floor(point);
+        }
+        #[expect(clippy::cast_precision_loss)] // 2^53 periods are half a million years.
+        let periods = self.periods as f64;
+        self.state.time_s = periods * self.config.control_period_s;
+    }
+
+    /// A point of a foot, in the world.
+    pub(crate) fn on_foot(&self, side: Side, local: [f64; 3]) -> [f64; 3] {
+        let body = self.binding.feet[side.index()];
+        let (origin, turned) = (
+            self.data.xpos()[body],
+            to_world(&self.data.xmat()[body], local),
+        );
+        [0, 1, 2].map(|i| origin[i] + turned[i])
+    }
+
+    /// Takes note of the warnings so far.
+    fn count_warnings(&mut self) {
+        for (count, stat) in self.warnings.iter_mut().zip(self.data.warning()) {
+            *count = stat.number;
+        }
+    }
+
+    /// A new warning of the engine, or a state that is not finite, as an error.
+    fn new_warning(&mut self) -> Option<RobotError> {
+        let stats = self.data.warning();
+        let new = (0..WARNINGS).find(|&kind| stats[kind].number > self.warnings[kind])?;
+        let mut warning = take_warning();
+        if warning.is_empty() {
+            warning = format!("MuJoCo warning of kind {new}");
+        }
+        self.count_warnings();
+        Some(RobotError::Simulator {
+            time_s: self.state.time_s,
+            warning,
+        })
+    }
+
+    /// Puts the base upright, turned in pitch so that the soles are level, the lower sole on the floor.
+    fn stand(&mut self) {
+        self.data.kinematics();
+        let mut pitch_rad = 0.0;
+        for side in Side::BOTH {
+            let foot = &self.data.xmat()[self.binding.feet[side.index()]];
+            let forward = to_world(foot, self.soles[side.index()].forward);
+            pitch_rad += 0.5 * forward[2].atan2(forward[0]);
+        }
+        let q = self.binding.root_qpos;
+        let qpos = self.data.qpos_mut();
+        // Toes up by `pitch_rad`: turn the whole robot about +y, which lowers them.
+        let upright = [qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]];
+        qpos[q + 3..q + 7].copy_from_slice(&product(about_y(pitch_rad), upright));
+        self.data.kinematics();
+        let mut lowest = f64::MAX;
+        for side in Side::BOTH {
+            for &corner in &self.soles[side.index()].corners_m {
+                lowest = lowest.min(self.on_foot(side, corner)[2]);
+            }
+        }
+        self.data.qpos_mut()[q + 2] += self.binding.floor_m - lowest;
+    }
+}
+
+impl Robot for MujocoRobot {
+    fn description(&self) -> &RobotDescription {
+        &self.description
+    }
+
+    fn reset(
+        &mut self,
+        posture: &JointTargets,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<&RobotState, RobotError> {
+        Self::check(posture)?;
+        self.data.reset();
+        self.failure = None;
+        self.periods = 0;
+        self.state.time_s = 0.0;
+        self.command(posture);
+        let angle_noise = noise(self.config.start_joint_noise_deg.to_radians());
+        let velocity_noise = noise(self.config.start_velocity_noise_m_s);
+        for (axis, law) in self.binding.legs.iter().zip(&self.laws) {
+            let disturbance = angle_noise.map_or(0.0, |n| n.sample(rng));
+            self.data.qpos_mut()[axis.qpos] = law.target + disturbance;
+        }
+        for axis in &self.binding.others {
+            self.data.qpos_mut()[axis.qpos] = axis.rest_rad;
+        }
+        self.stand();
+        if let Some(normal) = velocity_noise {
+            let v = self.binding.root_dof;
+            for rate in &mut self.data.qvel_mut()[v..v + 2] {
+                *rate = normal.sample(rng);
+            }
+        }
+        if self.has_laws {
+            self.drive();
+        }
+        self.data.forward();
+        self.warnings = [0; WARNINGS];
+        if let Some(error) = self.new_warning() {
+            self.failure = Some(error.clone());
+            return Err(error);
+        }
+        self.read_forces();
+        self.read_motion();
+        Ok(&self.state)
+    }
+
+    fn state(&self) -> &RobotState {
+        &self.state
+    }
+
+    fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError> {
+        Self::check(targets)?;
+        if let Some(failure) = &self.failure {
+            return Err(failure.clone());
+        }
+        self.command(targets);
+        let mut start = Instant::now();
+        // A step of MuJoCo is step1 (what follows from positions and velocities) and step2 (forces, and the step
+        // in time). Each period ends with step1, so that the state read there is that of its end.
+        for last in (0..self.steps_per_period).rev() {
+            if self.has_laws {
+                self.drive();
+            }
+            self.data.step2();
+            if last == 0 {
+                self.engine += start.elapsed();
+                self.read_forces();
+                start = Instant::now();
+            }
+            self.data.step1();
+        }
+        self.engine += start.elapsed();
+        self.periods += 1;
+        if let Some(error) = self.new_warning() {
+            self.failure = Some(error.clone());
+            return Err(error);
+        }
+        self.read_motion();
+        Ok(&self.state)
+    }
+
+    fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
+        if force_n.iter().any(|f| !f.is_finite()) {
+            return Err(RobotError::Unsupported {
+                what: "a push that is not finite",
+            });
+        }
+        self.data.xfrc_applied_mut()[self.binding.torso][..3].copy_from_slice(&force_n);
+        Ok(())
+    }
+
+    fn engine_seconds(&self) -> Option<f64> {
+        Some(self.engine.as_secs_f64())
+    }
+
+    fn geometry(&self) -> Vec<Shape> {
+        crate::scene::shapes(&self.model)
+    }
+
+    fn poses(&self, out: &mut Vec<Pose>) {
+        out.clear();
+        let floor_m = self.binding.floor_m;
+        let bodies = self.data.xpos().iter().zip(self.data.xquat());
+        out.extend(bodies.map(|(&[x, y, z], &orientation)| Pose {
+            position_m: [x, y, z - floor_m],
+            orientation,
+        }));
+    }
+}
+
+/// A normal disturbance; `None` for a standard deviation of zero.
+fn noise(standard_deviation: f64) -> Option<Normal<f64>> {
+    (standard_deviation > 0.0)
+        .then(|| Normal::new(0.0, standard_deviation).ok())
+        .flatten()
+}
+
+/// The PD laws of every driven joint, at rest.
+fn laws(model: &MjModel, config: &MujocoConfig, binding: &Binding) -> Vec<Law> {
+    let leg = |axis: &Axis| {
+        let own = torque_limit(model, axis);
+        Law {
+            kp: config.kp_nm_rad.unwrap_or(0.0),
+            kv: config.kv_nms_rad.unwrap_or(0.0),
+            limit: config.torque_limit_nm.map_or(own, |limit| limit.min(own)),
+            target: axis.rest_rad,
+        }
+    };
+    let other = |axis: &Axis| {
+        let inertia = model.dof_m0()[axis.dof];
+        let kp = inertia * HOLD_RAD_S * HOLD_RAD_S;
+        let kv = 2.0 * inertia * HOLD_RAD_S;
+        Law {
+            kp: config.kp_nm_rad.map_or(kp, |most| kp.min(most)),
+            kv: config.kv_nms_rad.map_or(kv, |most| kv.min(most)),
+            limit: torque_limit(model, axis),
+            target: axis.rest_rad,
+        }
+    };
+    let legs = binding.legs.iter().map(leg);
+    legs.chain(binding.others.iter().map(other)).collect()
+}
+
+/// The limits of a joint, in Stridemap's sign.
+fn limits(model: &MjModel, axis: &Axis, config: &MujocoConfig, torque_nm: f64) -> JointLimits {
+    let [lower, upper] = match model.jnt_limited()[axis.joint] {
+        true => model.jnt_range()[axis.joint],
+        false => [-std::f64::consts::PI, std::f64::consts::PI],
+    };
+    JointLimits {
+        lower_rad: (axis.sign * lower).min(axis.sign * upper),
+        upper_rad: (axis.sign * lower).max(axis.sign * upper),
+        velocity_rad_s: config.velocity_limit_rad_s,
+        torque_nm,
+    }
+}

@@ -1,0 +1,71 @@
+//! What a robot looks like, so that a report can draw and replay it without its simulator.
+
+use serde::{Deserialize, Serialize};
+
+/// Where a body is in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Origin of the body.
+    pub position_m: [f64; 3],
+    /// Orientation, unit quaternion (w, x, y, z).
+    pub orientation: [f64; 4],
+}
+
+impl Default for Pose {
+    fn default() -> Self {
+        Self {
+            position_m: [0.0; 3],
+            orientation: [1.0, 0.0, 0.0, 0.0],
+        }
+    }
+}
+
+/// Form and size of a shape, in its own frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "type")]
+pub enum ShapeKind {
+    /// A ball about the origin.
+    Sphere {
+        /// Radius.
+        radius_m: f64,
+    },
+    /// A cylinder along z with a half ball on either end.
+    Capsule {
+        /// Radius.
+        radius_m: f64,
+        /// Half the length of the cylinder, without the half balls.
+        half_length_m: f64,
+    },
+    /// A cylinder along z.
+    Cylinder {
+        /// Radius.
+        radius_m: f64,
+        /// Half the length.
+        half_length_m: f64,
+    },
+    /// An ellipsoid.
+    Ellipsoid {
+        /// Semi-axes along x, y, z.
+        semi_axes_m: [f64; 3],
+    },
+    /// A box; also stands for a mesh, as its bounding box.
+    Box {
+        /// Half the edges along x, y, z.
+        half_extents_m: [f64; 3],
+    },
+}
+
+/// One visible piece of a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shape {
+    /// Name for reports; may be empty.
+    pub name: String,
+    /// Which body carries it: an index into what [`Robot::poses`](crate::Robot::poses) writes.
+    pub body: usize,
+    /// Form and size.
+    pub kind: ShapeKind,
+    /// Where the shape's frame lies in the body's.
+    pub pose: Pose,
+    /// Red, green, blue, opacity, each in \[0, 1\].
+    pub rgba: [f32; 4],
+}
