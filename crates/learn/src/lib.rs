@@ -1,5 +1,35 @@
 //! Policies, and learners that improve them inside any [`stridemap_returnmap::StrideProcess`].
+//!
+//! A [`Learner`] is given a process and answers with a policy; the process may be the robot, the
+//! map learned of it, or an exact map with a known answer. [`ActorCritic`] is the paper's.
+//! Policies go to files and come back as [`SavedPolicy`].
+//!
+//! # References
+//!
+//! - \[MA09\] J. Morimoto and C. G. Atkeson, *Nonparametric representation of an approximated
+//!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009,
+//!   doi:10.1007/s10514-009-9133-z.
+//! - \[KK98\] H. Kimura and S. Kobayashi, *An analysis of actor/critic algorithms using eligibility
+//!   traces: reinforcement learning with imperfect value functions*, ICML 1998.
+//! - \[Doya00\] K. Doya, *Reinforcement learning in continuous time and space*, Neural Computation
+//!   12(1), 2000.
+//! - \[MD01\] J. Morimoto and K. Doya, *Acquisition of stand-up behavior by a real robot using
+//!   hierarchical reinforcement learning*, Robotics and Autonomous Systems 36, 2001.
+//! - \[PJ92\] B. T. Polyak and A. B. Juditsky, *Acceleration of stochastic approximation by
+//!   averaging*, SIAM Journal on Control and Optimization 30(4), 1992.
 
+mod actor_critic;
+mod error;
+mod gaussian_policy;
+mod learner;
+mod network;
 mod policy;
+mod saved;
 
-pub use policy::Policy;
+pub use actor_critic::{ActorCritic, ActorCriticConfig, ActorCriticRun};
+pub use error::LearnError;
+pub use gaussian_policy::{GaussianPolicy, LogDensityGradient};
+pub use learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
+pub use network::{Activations, NormalizedGaussianNetwork};
+pub use policy::{KeptPolicy, Policy};
+pub use saved::{ConstantPolicy, LinearPolicy, SavedPolicy};

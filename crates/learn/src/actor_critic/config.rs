@@ -1,0 +1,372 @@
+//! The actor-critic's parameters.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{LearnError, check_number};
+
+/// Parameters of [`ActorCritic`](super::ActorCritic).
+///
+/// The defaults are the paper's (Table 2, all extras off); `basis_widths` and `action_unit` have
+/// none, because they depend on the process. In a file, every other key may be left out.
+///
+/// # Example
+///
+/// ```
+/// # use stridemap_learn::ActorCriticConfig;
+/// let paper = ActorCriticConfig::paper(&[0.5], &[1.0]);
+/// assert_eq!((paper.trials, paper.strides_per_trial, paper.std_scale), (15, 20, 0.5));
+/// let error = ActorCriticConfig { discount: 1.0, ..paper }.validate().unwrap_err();
+/// assert_eq!(error.to_string(), "discount = 1: must be at least 0 and below 1");
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActorCriticConfig {
+    /// Width of the bases per component of the state, in its unit; positive.
+    pub basis_widths: Vec<f64>,
+    /// Per component of the action: that many of its units per output 1; positive. All step sizes,
+    /// `std_scale` and σ are in outputs.
+    pub action_unit: Vec<f64>,
+    /// γ, from 0 to below 1. Table 2: 0.95.
+    #[serde(default = "default::discount")]
+    pub discount: f64,
+    /// α, the critic's step size; positive, at most 2 (beyond that TD(0) diverges). Table 2: 0.3.
+    #[serde(default = "default::step")]
+    pub critic_step: f64,
+    /// β, the actor's step size; positive. Table 2: 0.3.
+    #[serde(default = "default::step")]
+    pub actor_step: f64,
+    /// η, decay of the eligibility traces per stride, from 0 to 1. Table 2: 0.3.
+    #[serde(default = "default::step")]
+    pub trace_decay: f64,
+    /// σ₀, largest standard deviation of the policy, in outputs; positive. Table 2: 0.5.
+    #[serde(default = "default::std_scale")]
+    pub std_scale: f64,
+    /// A base is added at a state where the largest activation (before normalization) is below
+    /// this; from 0 to 1. The paper does not give it; 0.4 gives its 3 to 5 bases and recipe A's 14.
+    #[serde(default = "default::activation_threshold")]
+    pub activation_threshold: f64,
+    /// Most bases; at least 1. The paper sets no limit; recipe A 14.
+    #[serde(default = "default::max_bases")]
+    pub max_bases: usize,
+    /// Number of trials; at least 1. Ours for the paper: 15.
+    #[serde(default = "default::trials")]
+    pub trials: usize,
+    /// Strides of a trial, through any falls; at least 1. Ours for the paper: 20.
+    #[serde(default = "default::strides_per_trial")]
+    pub strides_per_trial: usize,
+    /// Episodes are cut after this many strides: the process is reset and the traces are zeroed;
+    /// at least 1. `None`: only at the start of each trial. Recipe A: 6.
+    #[serde(default)]
+    pub restart_every: Option<usize>,
+    /// Multiplies the gradients of component j by σⱼ², which keeps steps bounded as exploration
+    /// shrinks \[KK98\]. The paper does not; recipe W does.
+    #[serde(default)]
+    pub scale_gradient_by_variance: bool,
+    /// Bound on the magnitude of every mean weight, per component, in units of the action; positive.
+    /// Recipe A: 8 deg.
+    #[serde(default)]
+    pub mean_weight_limit: Option<Vec<f64>>,
+    /// Lowest and highest weight of the logit of σ. Recipe A: −4 and 5.
+    #[serde(default)]
+    pub std_logit_bounds: Option<[f64; 2]>,
+    /// Step sizes are full for this fraction of the trials, from 0 to 1, and then go linearly ...
+    /// Recipe A: 0.3.
+    #[serde(default = "default::one")]
+    pub full_step_fraction: f64,
+    /// ... to this fraction of themselves in the last trial, from 0 to 1. Recipe A: 0.02.
+    #[serde(default = "default::one")]
+    pub final_step_fraction: f64,
+    /// The policy is the mean of those after each of the last trials, this fraction of all, from 0
+    /// (the last policy) to 1 \[PJ92\]. Recipe A: 0.5.
+    #[serde(default)]
+    pub average_fraction: f64,
+    /// Whether a warm start keeps the value function that is saved with the policy. Turn off if the
+    /// reward has changed since.
+    #[serde(default = "default::yes")]
+    pub keep_value: bool,
+}
+
+mod default {
+    pub(super) const fn discount() -> f64 {
+        0.95
+    }
+    pub(super) const fn step() -> f64 {
+        0.3
+    }
+    pub(super) const fn std_scale() -> f64 {
+        0.5
+    }
+    pub(super) const fn activation_threshold() -> f64 {
+        0.4
+    }
+    pub(super) const fn max_bases() -> usize {
+        100
+    }
+    pub(super) const fn trials() -> usize {
+        15
+    }
+    pub(super) const fn strides_per_trial() -> usize {
+        20
+    }
+    pub(super) const fn one() -> f64 {
+        1.0
+    }
+    pub(super) const fn yes() -> bool {
+        true
+    }
+}
+
+impl ActorCriticConfig {
+    /// \[MA09, Table 2\] literally: 15 trials of 20 strides, every extra off.
+    #[must_use]
+    pub fn paper(basis_widths: &[f64], action_unit: &[f64]) -> Self {
+        Self {
+            basis_widths: basis_widths.to_vec(),
+            action_unit: action_unit.to_vec(),
+            discount: default::discount(),
+            critic_step: default::step(),
+            actor_step: default::step(),
+            trace_decay: default::step(),
+            std_scale: default::std_scale(),
+            activation_threshold: default::activation_threshold(),
+            max_bases: default::max_bases(),
+            trials: default::trials(),
+            strides_per_trial: default::strides_per_trial(),
+            restart_every: None,
+            scale_gradient_by_variance: false,
+            mean_weight_limit: None,
+            std_logit_bounds: None,
+            full_step_fraction: 1.0,
+            final_step_fraction: 1.0,
+            average_fraction: 0.0,
+            keep_value: true,
+        }
+    }
+
+    /// Recipe A, for stepping on the large biped: state and action in degrees.
+    #[must_use]
+    pub fn stepping() -> Self {
+        Self {
+            max_bases: 14,
+            trials: 200,
+            strides_per_trial: 24,
+            restart_every: Some(6),
+            mean_weight_limit: Some(vec![8.0]),
+            std_logit_bounds: Some([-4.0, 5.0]),
+            full_step_fraction: 0.3,
+            final_step_fraction: 0.02,
+            average_fraction: 0.5,
+            ..Self::paper(&[0.5], &[2.0])
+        }
+    }
+
+    /// Recipe S, for stepping on the small humanoid: state and action in degrees.
+    #[must_use]
+    pub fn stepping_small() -> Self {
+        Self {
+            basis_widths: vec![3.0],
+            action_unit: vec![1.0],
+            actor_step: 0.1,
+            trials: 400,
+            ..Self::stepping()
+        }
+    }
+
+    /// Recipe W, for walking by one amplitude: state (deg, deg, deg/s), action in degrees. The first
+    /// improvement; later ones make 40 trials and start warm.
+    #[must_use]
+    pub fn walking() -> Self {
+        Self {
+            scale_gradient_by_variance: true,
+            trials: 120,
+            strides_per_trial: 25,
+            ..Self::paper(&[1.0, 1.0, 4.0], &[4.0])
+        }
+    }
+
+    /// Checks every field against its domain.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Parameter`] naming the first field outside its domain, the value and the
+    /// domain; [`LearnError::Length`] if lists do not agree.
+    pub fn validate(&self) -> Result<(), LearnError> {
+        const FRACTION: &str = "from 0 to 1";
+        const POSITIVE: &str = "positive and finite";
+        let fraction = |field, v: f64| check_number(field, v, (0.0..=1.0).contains(&v), FRACTION);
+        let positive = |field, v: f64| check_number(field, v, v > 0.0, POSITIVE);
+        let count = |field, v: usize| match v {
+            0 => Err(LearnError::parameter(field, v, "at least 1")),
+            _ => Ok(()),
+        };
+        for &w in &self.basis_widths {
+            positive("basis_widths", w)?;
+        }
+        for &u in &self.action_unit {
+            positive("action_unit", u)?;
+        }
+        let g = self.discount;
+        check_number(
+            "discount",
+            g,
+            (0.0..1.0).contains(&g),
+            "at least 0 and below 1",
+        )?;
+        let a = self.critic_step;
+        check_number(
+            "critic_step",
+            a,
+            a > 0.0 && a <= 2.0,
+            "positive and at most 2",
+        )?;
+        positive("actor_step", self.actor_step)?;
+        fraction("trace_decay", self.trace_decay)?;
+        positive("std_scale", self.std_scale)?;
+        fraction("activation_threshold", self.activation_threshold)?;
+        count("max_bases", self.max_bases)?;
+        count("trials", self.trials)?;
+        count("strides_per_trial", self.strides_per_trial)?;
+        count("restart_every", self.restart_every.unwrap_or(1))?;
+        if let Some(limits) = &self.mean_weight_limit {
+            crate::error::check_length("mean_weight_limit", limits.len(), self.action_unit.len())?;
+            for &limit in limits {
+                positive("mean_weight_limit", limit)?;
+            }
+        }
+        if let Some([low, high]) = self.std_logit_bounds {
+            check_number(
+                "std_logit_bounds",
+                low,
+                low <= high,
+                "finite, the lower one first",
+            )?;
+            check_number(
+                "std_logit_bounds",
+                high,
+                true,
+                "finite, the lower one first",
+            )?;
+        }
+        fraction("full_step_fraction", self.full_step_fraction)?;
+        fraction("final_step_fraction", self.final_step_fraction)?;
+        fraction("average_fraction", self.average_fraction)
+    }
+
+    /// The factor on both step sizes in a trial, counted from 0.
+    pub(super) fn step_factor(&self, trial: usize) -> f64 {
+        let last = self.trials as f64 - 1.0;
+        let full = self.full_step_fraction * self.trials as f64;
+        let beyond = trial as f64 - full;
+        if beyond <= 0.0 || last <= full {
+            return 1.0;
+        }
+        1.0 - (1.0 - self.final_step_fraction) * (beyond / (last - full)).min(1.0)
+    }
+
+    /// How many of the last trials are averaged.
+    pub(super) fn averaged_trials(&self) -> usize {
+        (self.average_fraction * self.trials as f64).round() as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn step_sizes_are_full_and_then_go_linearly_to_the_final_fraction() {
+        let config = ActorCriticConfig {
+            trials: 11,
+            full_step_fraction: 0.5,
+            final_step_fraction: 0.1,
+            ..ActorCriticConfig::paper(&[1.0], &[1.0])
+        };
+        // Full to trial 5.5, then down to trial 10: at 8 it is 2.5 / 4.5 of the way.
+        assert!((config.step_factor(5) - 1.0).abs() < 1e-15);
+        assert!((config.step_factor(8) - (1.0 - 0.9 * 2.5 / 4.5)).abs() < 1e-15);
+        assert!((config.step_factor(10) - 0.1).abs() < 1e-15);
+        let constant = ActorCriticConfig::paper(&[1.0], &[1.0]);
+        assert!((constant.step_factor(14) - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn every_recipe_is_valid_and_survives_a_file() {
+        for config in [
+            ActorCriticConfig::paper(&[0.5], &[1.0]),
+            ActorCriticConfig::stepping(),
+            ActorCriticConfig::stepping_small(),
+            ActorCriticConfig::walking(),
+        ] {
+            config.validate().unwrap();
+            let text = serde_json::to_string(&config).unwrap();
+            assert_eq!(
+                serde_json::from_str::<ActorCriticConfig>(&text).unwrap(),
+                config
+            );
+        }
+        let sparse = r#"{ "basis_widths": [0.5], "action_unit": [1.0] }"#;
+        let config: ActorCriticConfig = serde_json::from_str(sparse).unwrap();
+        assert_eq!(config, ActorCriticConfig::paper(&[0.5], &[1.0]));
+        let wrong = r#"{ "basis_widths": [0.5], "action_unit": [1.0], "discuont": 0.9 }"#;
+        assert!(serde_json::from_str::<ActorCriticConfig>(wrong).is_err());
+    }
+
+    #[test]
+    fn bad_values_are_named() {
+        let good = ActorCriticConfig::stepping();
+        let cases: [(&str, ActorCriticConfig); 6] = [
+            (
+                "critic_step",
+                ActorCriticConfig {
+                    critic_step: f64::NAN,
+                    ..good.clone()
+                },
+            ),
+            (
+                "trials",
+                ActorCriticConfig {
+                    trials: 0,
+                    ..good.clone()
+                },
+            ),
+            (
+                "restart_every",
+                ActorCriticConfig {
+                    restart_every: Some(0),
+                    ..good.clone()
+                },
+            ),
+            (
+                "mean_weight_limit",
+                ActorCriticConfig {
+                    mean_weight_limit: Some(vec![]),
+                    ..good.clone()
+                },
+            ),
+            (
+                "std_logit_bounds",
+                ActorCriticConfig {
+                    std_logit_bounds: Some([1.0, 0.0]),
+                    ..good.clone()
+                },
+            ),
+            (
+                "basis_widths",
+                ActorCriticConfig {
+                    basis_widths: vec![-1.0],
+                    ..good
+                },
+            ),
+        ];
+        for (field, config) in cases {
+            assert!(
+                config
+                    .validate()
+                    .unwrap_err()
+                    .to_string()
+                    .starts_with(field),
+                "{field}"
+            );
+        }
+    }
+}

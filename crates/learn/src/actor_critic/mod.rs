@@ -1,0 +1,500 @@
+//! The paper's learner: TD(0) critic, policy gradient with eligibility traces \[MA09, sec. 5\].
+
+mod config;
+
+pub use config::ActorCriticConfig;
+
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use stridemap_returnmap::{Action, ProcessSpec, State, StrideEnd, StrideProcess};
+
+use crate::error::LearnError;
+use crate::gaussian_policy::{GaussianPolicy, Outputs, Score};
+use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
+use crate::network::Activations;
+use crate::policy::KeptPolicy;
+use crate::saved::{SavedPolicy, check_same_components};
+
+/// The actor-critic of \[KK98\] as used in \[MA09, sec. 5\].
+///
+/// After every stride, with `x = x(k)`, `x′ = x(k+1)`, `r = r(k+1)` and the sampled output `o`,
+///
+/// ```text
+/// δ  = r + γ V̂(x′) − V̂(x)                                        [MA09, eq. (18)]
+/// wᵛ ← wᵛ + α δ b(x)                                             [MA09, eq. (19)]
+/// e  ← η e + ∂ ln π_w(x, o)/∂w                                   [MA09, eq. (21)]
+/// w  ← w + β δ e                                                 [MA09, eq. (22)]
+/// ```
+///
+/// The trace is updated before the weights, so that δ credits the action that led to it. Read
+/// literally, the indices of eqs. (21) and (22) would credit only the actions before; \[KK98\], from
+/// which they are taken, has the order above.
+///
+/// # How an episode ends
+///
+/// | the stride | target of V̂(x) | then |
+/// |---|---|---|
+/// | crossed | r + γ V̂(x′) | goes on |
+/// | crossed, and was the last of its episode or trial (*truncated*) | r + γ V̂(x′) | reset, traces zeroed |
+/// | fell or stalled (*terminal*) | r | reset, traces zeroed |
+/// | was aborted | none: nothing is learned | reset, traces zeroed |
+///
+/// # Bases
+///
+/// A base is added at a state from which an action is taken, if no base is active there. It takes
+/// over the outputs, so that mean, σ and V̂ at the state do not change. With averaging, it is added
+/// to the averaged policy in the same way, with that policy's outputs: as if it had been there, and
+/// inherited, from the beginning.
+///
+/// # References
+///
+/// \[KK98\], \[Doya00\], \[MD01\], \[PJ92\]: see the [crate](crate) documentation.
+#[derive(Clone, Debug)]
+pub struct ActorCritic {
+    /// The parameters.
+    pub config: ActorCriticConfig,
+}
+
+impl Learner for ActorCritic {
+    fn improve(
+        &mut self,
+        process: &mut dyn StrideProcess,
+        initial: Option<&SavedPolicy>,
+        rng: &mut ChaCha8Rng,
+        observer: &mut dyn FnMut(&TrialReport<'_>),
+    ) -> Result<LearnOutcome, LearnError> {
+        let mut run = ActorCriticRun::new(&self.config, process.spec(), initial)?;
+        for _ in 0..self.config.trials {
+            let summary = run.run_trial(process, rng)?;
+            observer(&TrialReport {
+                summary: &summary,
+                policy: run.policy(),
+            });
+        }
+        Ok(run.finish())
+    }
+}
+
+/// A run of the actor-critic, one trial at a time.
+///
+/// # Example
+///
+/// ```
+/// # use stridemap_learn::{ActorCriticConfig, ActorCriticRun, LearnError, Policy};
+/// # use stridemap_returnmap::StrideProcess;
+/// # fn example(process: &mut dyn StrideProcess, rng: &mut rand_chacha::ChaCha8Rng) -> Result<(), LearnError> {
+/// let config = ActorCriticConfig::paper(&[0.5], &[1.0]);
+/// let mut run = ActorCriticRun::new(&config, process.spec(), None)?;
+/// let mut frozen = vec![run.policy().clone()]; // before any learning
+/// for _ in 0..config.trials {
+///     run.run_trial(process, rng)?;
+///     frozen.push(run.policy().clone());
+/// }
+/// let outcome = run.finish();
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct ActorCriticRun {
+    config: ActorCriticConfig,
+    policy: GaussianPolicy,
+    /// The policies after the last trials, averaged: weights as in `policy`, and how many.
+    average: Option<(GaussianPolicy, usize)>,
+    /// e, rows as in the network without the value.
+    traces: Vec<f64>,
+    /// Bases at x(k) and at x(k+1).
+    here: Activations,
+    there: Activations,
+    trials: Vec<TrialSummary>,
+    strides: usize,
+}
+
+impl ActorCriticRun {
+    /// Prepares a run.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Parameter`] or [`LearnError::Length`] if the configuration is not valid or does
+    /// not fit the process; [`LearnError::InitialPolicy`] if `initial` is not a network policy;
+    /// [`LearnError::OtherProcess`] if it is for other components.
+    pub fn new(
+        config: &ActorCriticConfig,
+        spec: &ProcessSpec,
+        initial: Option<&SavedPolicy>,
+    ) -> Result<Self, LearnError> {
+        config.validate()?;
+        let scratch = GaussianPolicy::new(
+            spec.clone(),
+            &config.basis_widths,
+            &config.action_unit,
+            config.std_scale,
+        )?;
+        let policy = match initial {
+            None => scratch,
+            Some(SavedPolicy::GaussianNetwork(policy)) => warm_start(policy, &scratch, config)?,
+            Some(other) => {
+                let found = other.kind();
+                return Err(LearnError::InitialPolicy {
+                    expected: "gaussian_network",
+                    found,
+                });
+            }
+        };
+        let traces = vec![0.0; policy.network().len() * 2 * spec.action.len()];
+        Ok(Self {
+            config: config.clone(),
+            policy,
+            average: None,
+            traces,
+            here: Activations::default(),
+            there: Activations::default(),
+            trials: Vec::with_capacity(config.trials),
+            strides: 0,
+        })
+    }
+
+    /// The policy as it stands, not averaged.
+    #[must_use]
+    pub const fn policy(&self) -> &GaussianPolicy {
+        &self.policy
+    }
+
+    /// The learning curve so far.
+    #[must_use]
+    pub fn trials(&self) -> &[TrialSummary] {
+        &self.trials
+    }
+
+    /// Ends the run: the averaged policy if there is one, otherwise the last.
+    #[must_use]
+    pub fn finish(self) -> LearnOutcome {
+        let policy = self.average.map_or(self.policy, |(policy, _)| policy);
+        LearnOutcome {
+            policy: policy.to_saved(),
+            trials: self.trials,
+            strides: self.strides,
+        }
+    }
+
+    /// Learns for one more trial.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Process`] if the process fails, [`LearnError::NotFinite`] or
+    /// [`LearnError::StateLength`] if it answers nonsense, [`LearnError::Diverged`] if the weights
+    /// grow beyond all bounds, [`LearnError::AllAborted`] if nothing could be learned.
+    ///
+    /// # Cost
+    ///
+    /// One evaluation of the bases a stride, O(bases × (2 actions + 1)); memory is allocated only
+    /// when a base is.
+    pub fn run_trial(
+        &mut self,
+        process: &mut dyn StrideProcess,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<TrialSummary, LearnError> {
+        let trial = self.trials.len();
+        let factor = self.config.step_factor(trial);
+        let (alpha, beta) = (
+            factor * self.config.critic_step,
+            factor * self.config.actor_step,
+        );
+        let m = self.policy.spec().action.len();
+        let strides = self.config.strides_per_trial;
+        let restart_every = self.config.restart_every.unwrap_or(strides);
+
+        let mut outputs = Outputs::from_elem(0.0, 2 * m + 1);
+        let mut scores = Outputs::from_elem(0.0, 2 * m);
+        let mut tally = Tally::default();
+        // Strides of the running episode; `None` when the process must be reset first.
+        let mut episode: Option<usize> = None;
+        for stride in 0..strides {
+            let at = Place {
+                trial: trial + 1,
+                stride: stride + 1,
+            };
+            let done = match episode {
+                Some(done) => done,
+                None => {
+                    let state = process.reset(rng)?;
+                    self.check_state(&state, at)?;
+                    self.traces.fill(0.0);
+                    self.policy.network().activate(&state, &mut self.here);
+                    self.allocate_at(&state);
+                    0
+                }
+            };
+
+            self.policy.network().outputs_into(&self.here, &mut outputs);
+            let action = self.draw(&outputs, &mut scores, rng, at)?;
+            let result = process.stride(&action, rng)?;
+            self.strides += 1;
+            if result.end == StrideEnd::Aborted {
+                tally.aborted += 1;
+                episode = None;
+                continue;
+            }
+            at.check_finite("reward", result.reward)?;
+            let next_value = if result.end.is_terminal() {
+                0.0
+            } else {
+                self.check_state(&result.next_state, at)?;
+                self.policy
+                    .network()
+                    .activate(&result.next_state, &mut self.there);
+                self.policy.network().output(&self.there, 2 * m)
+            };
+            let td_error = result.reward + self.config.discount * next_value - outputs[2 * m];
+            if !td_error.is_finite() {
+                return Err(at.diverged());
+            }
+            self.update(td_error, alpha, beta, &scores);
+            tally.count(result.end, result.reward, td_error);
+
+            let truncated = done + 1 >= restart_every || stride + 1 >= strides;
+            episode = if result.end.is_terminal() || truncated {
+                None
+            } else {
+                std::mem::swap(&mut self.here, &mut self.there);
+                self.allocate_at(&result.next_state);
+                Some(done + 1)
+            };
+        }
+        if tally.strides == 0 {
+            return Err(LearnError::AllAborted { trial: trial + 1 });
+        }
+        if self
+            .policy
+            .network()
+            .all_weights()
+            .iter()
+            .any(|w| !w.is_finite())
+        {
+            return Err(Place {
+                trial: trial + 1,
+                stride: strides,
+            }
+            .diverged());
+        }
+        self.average_policy(trial);
+        let summary = tally.summary(trial + 1, self.policy.network().len());
+        self.trials.push(summary);
+        Ok(summary)
+    }
+
+    /// Draws outputs, leaves ∂ ln π by mean and logit in `scores`, and answers with the action.
+    fn draw(
+        &self,
+        outputs: &[f64],
+        scores: &mut [f64],
+        rng: &mut ChaCha8Rng,
+        at: Place,
+    ) -> Result<Action, LearnError> {
+        let m = scores.len() / 2;
+        let mut action = Action::from_elem(0.0, m);
+        for j in 0..m {
+            let z: f64 = StandardNormal.sample(rng);
+            let score = Score::drawn(z, outputs[m + j], self.policy.std_scale());
+            let output = outputs[j] + score.std * z;
+            let scale = if self.config.scale_gradient_by_variance {
+                score.std * score.std
+            } else {
+                1.0
+            };
+            scores[j] = score.mean * scale;
+            scores[m + j] = score.std_logit * scale;
+            action[j] = self.policy.clip(output, j);
+            if !(action[j].is_finite() && scores[j].is_finite() && scores[m + j].is_finite()) {
+                return Err(at.diverged());
+            }
+        }
+        Ok(action)
+    }
+
+    /// Eqs. (19), (21) and (22), and the bounds on the weights.
+    fn update(&mut self, td_error: f64, alpha: f64, beta: f64, scores: &[f64]) {
+        let (m, eta) = (scores.len() / 2, self.config.trace_decay);
+        let logit_bounds = self.config.std_logit_bounds;
+        let limits = self.config.mean_weight_limit.as_deref();
+        let unit: Outputs = self.policy.action_unit().iter().copied().collect();
+        let rows = self
+            .policy
+            .network_mut()
+            .all_weights_mut()
+            .chunks_exact_mut(2 * m + 1);
+        let traces = self.traces.chunks_exact_mut(2 * m);
+        for ((row, trace), b) in rows.zip(traces).zip(self.here.normalized()) {
+            for ((w, e), g) in row.iter_mut().zip(trace).zip(scores) {
+                *e = eta * *e + g * b;
+                *w += beta * td_error * *e;
+            }
+            if let Some(limits) = limits {
+                for j in 0..m {
+                    let limit = limits[j] / unit[j];
+                    row[j] = row[j].clamp(-limit, limit);
+                }
+            }
+            if let Some([low, high]) = logit_bounds {
+                for w in &mut row[m..2 * m] {
+                    *w = w.clamp(low, high);
+                }
+            }
+            row[2 * m] += alpha * td_error * b;
+        }
+    }
+
+    /// Adds a base at the state whose bases are in `here`, if none is active there.
+    fn allocate_at(&mut self, state: &[f64]) {
+        if self.here.largest() >= self.config.activation_threshold
+            || self.policy.network().len() >= self.config.max_bases
+        {
+            return;
+        }
+        self.policy.network_mut().allocate(state);
+        if let Some((average, _)) = &mut self.average {
+            average.network_mut().allocate(state);
+        }
+        let m = self.policy.spec().action.len();
+        self.traces.resize(self.policy.network().len() * 2 * m, 0.0);
+        self.policy.network().activate(state, &mut self.here);
+    }
+
+    /// Takes the policy after a trial (from 0) into the average, if it is one of the last.
+    fn average_policy(&mut self, trial: usize) {
+        if trial + self.config.averaged_trials() < self.config.trials {
+            return;
+        }
+        match &mut self.average {
+            None => self.average = Some((self.policy.clone(), 1)),
+            Some((average, count)) => {
+                *count += 1;
+                let share = 1.0 / *count as f64;
+                let now = self.policy.network().all_weights();
+                for (mean, w) in average.network_mut().all_weights_mut().iter_mut().zip(now) {
+                    *mean += share * (w - *mean);
+                }
+            }
+        }
+    }
+
+    fn check_state(&self, state: &State, at: Place) -> Result<(), LearnError> {
+        let expected = self.policy.spec().state.len();
+        if state.len() != expected {
+            return Err(LearnError::StateLength {
+                expected,
+                found: state.len(),
+            });
+        }
+        state.iter().try_for_each(|x| at.check_finite("state", *x))
+    }
+}
+
+/// The given policy with the process's bounds; units, widths and σ₀ must be the configured ones.
+fn warm_start(
+    policy: &GaussianPolicy,
+    scratch: &GaussianPolicy,
+    config: &ActorCriticConfig,
+) -> Result<GaussianPolicy, LearnError> {
+    check_same_components(policy.spec(), scratch.spec())?;
+    let same = |a: &[f64], b: &[f64]| {
+        a.iter()
+            .map(|v| v.to_bits())
+            .eq(b.iter().map(|v| v.to_bits()))
+    };
+    for (field, ours, theirs) in [
+        (
+            "basis_widths",
+            config.basis_widths.as_slice(),
+            policy.network().widths(),
+        ),
+        ("action_unit", &config.action_unit, policy.action_unit()),
+        ("std_scale", &[config.std_scale], &[policy.std_scale()]),
+    ] {
+        if !same(ours, theirs) {
+            let value = format!("{ours:?} (the initial policy has {theirs:?})");
+            return Err(LearnError::parameter(
+                field,
+                value,
+                "that of the initial policy",
+            ));
+        }
+    }
+    let mut policy = policy.clone();
+    policy.set_spec(scratch.spec().clone());
+    if !config.keep_value {
+        let column = policy.value_column();
+        for base in 0..policy.network().len() {
+            policy.network_mut().weights_mut(base)[column] = 0.0;
+        }
+    }
+    Ok(policy)
+}
+
+/// Where in a run something went wrong, counted from 1.
+#[derive(Clone, Copy)]
+struct Place {
+    trial: usize,
+    stride: usize,
+}
+
+impl Place {
+    const fn diverged(self) -> LearnError {
+        LearnError::Diverged {
+            trial: self.trial,
+            stride: self.stride,
+        }
+    }
+
+    fn check_finite(self, quantity: &'static str, value: f64) -> Result<(), LearnError> {
+        if value.is_finite() {
+            return Ok(());
+        }
+        Err(LearnError::NotFinite {
+            quantity,
+            value,
+            trial: self.trial,
+            stride: self.stride,
+        })
+    }
+}
+
+/// A trial's numbers while it runs.
+#[derive(Default)]
+struct Tally {
+    strides: usize,
+    reward: f64,
+    td_error: f64,
+    td_error_square: f64,
+    falls: usize,
+    stalls: usize,
+    aborted: usize,
+}
+
+impl Tally {
+    fn count(&mut self, end: StrideEnd, reward: f64, td_error: f64) {
+        self.strides += 1;
+        self.reward += reward;
+        self.td_error += td_error;
+        self.td_error_square += td_error * td_error;
+        self.falls += usize::from(end == StrideEnd::Fell);
+        self.stalls += usize::from(end == StrideEnd::NoCrossing);
+    }
+
+    fn summary(&self, trial: usize, bases: usize) -> TrialSummary {
+        let n = self.strides as f64;
+        TrialSummary {
+            trial,
+            strides: self.strides,
+            mean_reward: self.reward / n,
+            falls: self.falls,
+            stalls: self.stalls,
+            aborted: self.aborted,
+            mean_td_error: self.td_error / n,
+            rms_td_error: (self.td_error_square / n).sqrt(),
+            bases,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,139 @@
+use stridemap_returnmap::ProcessError;
+
+/// What can go wrong when a policy is loaded or improved.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LearnError {
+    /// A parameter of a learner or a policy lies outside its domain.
+    #[error("{field} = {value}: must be {domain}")]
+    Parameter {
+        /// The field of the configuration or of the policy file.
+        field: &'static str,
+        /// The value given.
+        value: String,
+        /// What it must satisfy.
+        domain: &'static str,
+    },
+    /// A list of a configuration or policy does not have one entry per component.
+    #[error("{field} has {found} entries, the process has {expected} components")]
+    Length {
+        /// The field.
+        field: &'static str,
+        /// Components of the process.
+        expected: usize,
+        /// Entries given.
+        found: usize,
+    },
+    /// A policy was made for a process with other components.
+    #[error("the policy is for {policy}, the process has {process}")]
+    OtherProcess {
+        /// Names of the policy's components.
+        policy: String,
+        /// Names of the process's components.
+        process: String,
+    },
+    /// A learner cannot start from this kind of policy.
+    #[error("cannot start from a {found} policy; {expected} is needed")]
+    InitialPolicy {
+        /// The kind needed.
+        expected: &'static str,
+        /// The kind given.
+        found: &'static str,
+    },
+    /// A policy file of a format that this version does not read.
+    #[error("policy format {found}; this version reads format {expected}")]
+    Format {
+        /// The format that is read.
+        expected: u32,
+        /// The format found.
+        found: u32,
+    },
+    /// The process answered with NaN or an infinity.
+    #[error("trial {trial}, stride {stride}: the process gave {quantity} = {value}")]
+    NotFinite {
+        /// `"state"` or `"reward"`.
+        quantity: &'static str,
+        /// The value.
+        value: f64,
+        /// Trial, from 1.
+        trial: usize,
+        /// Stride of that trial, from 1.
+        stride: usize,
+    },
+    /// The process answered with a state of another length than its specification says.
+    #[error("the process gave a state of {found} components, its specification says {expected}")]
+    StateLength {
+        /// Components of the specification.
+        expected: usize,
+        /// Components found.
+        found: usize,
+    },
+    /// The parameters grew beyond all bounds: smaller steps are needed.
+    #[error("trial {trial}, stride {stride}: the parameters diverged; use smaller step sizes")]
+    Diverged {
+        /// Trial, from 1.
+        trial: usize,
+        /// Stride of that trial, from 1.
+        stride: usize,
+    },
+    /// Not one stride of a trial came to an end that can be learned from.
+    #[error("trial {trial}: every stride was aborted")]
+    AllAborted {
+        /// Trial, from 1.
+        trial: usize,
+    },
+    /// The discrete algebraic Riccati iteration found no stabilising solution.
+    #[error("no stabilising feedback was found in {iterations} Riccati iterations")]
+    Riccati {
+        /// Iterations made.
+        iterations: usize,
+    },
+    /// The process failed.
+    #[error(transparent)]
+    Process(#[from] ProcessError),
+}
+
+impl LearnError {
+    pub(crate) fn parameter(
+        field: &'static str,
+        value: impl std::fmt::Display,
+        domain: &'static str,
+    ) -> Self {
+        Self::Parameter {
+            field,
+            value: value.to_string(),
+            domain,
+        }
+    }
+}
+
+/// Refuses a list that does not have one entry per component.
+pub(crate) fn check_length(
+    field: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), LearnError> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(LearnError::Length {
+            field,
+            expected,
+            found,
+        })
+    }
+}
+
+/// Refuses a number that does not satisfy a predicate. NaN satisfies none.
+pub(crate) fn check_number(
+    field: &'static str,
+    value: f64,
+    holds: bool,
+    domain: &'static str,
+) -> Result<(), LearnError> {
+    if value.is_finite() && holds {
+        Ok(())
+    } else {
+        Err(LearnError::parameter(field, value, domain))
+    }
+}

@@ -1,0 +1,438 @@
+//! Policies as files, and the two simple ones: a constant and a linear feedback.
+
+use serde::{Deserialize, Serialize};
+use stridemap_returnmap::{Action, ProcessSpec};
+
+use rand_chacha::ChaCha8Rng;
+
+use crate::error::{LearnError, check_length, check_number};
+use crate::gaussian_policy::GaussianPolicy;
+use crate::policy::{KeptPolicy, Policy};
+
+/// The version of the policy files that this crate writes and reads.
+pub(crate) const FORMAT: u32 = 1;
+
+pub(crate) fn check_format(found: u32) -> Result<(), LearnError> {
+    if found == FORMAT {
+        Ok(())
+    } else {
+        Err(LearnError::Format {
+            expected: FORMAT,
+            found,
+        })
+    }
+}
+
+/// Refuses a process without states or actions, or with bounds that no action can meet.
+pub(crate) fn check_spec(spec: &ProcessSpec) -> Result<(), LearnError> {
+    if spec.state.is_empty() || spec.action.is_empty() {
+        return Err(LearnError::parameter(
+            "spec",
+            "{}",
+            "at least one state and one action",
+        ));
+    }
+    for bounds in &spec.action {
+        check_number("spec.action.lower", bounds.lower, true, "finite")?;
+        check_number(
+            "spec.action.upper",
+            bounds.upper,
+            bounds.upper >= bounds.lower,
+            "finite and not below the lower bound",
+        )?;
+    }
+    Ok(())
+}
+
+/// Any policy of this crate, as it is written to a file: an object tagged by `kind`.
+///
+/// # Example
+///
+/// ```
+/// # use stridemap_learn::{Policy, SavedPolicy};
+/// let policy: SavedPolicy = serde_json::from_str(r#"{
+///     "kind": "linear", "format": 1,
+///     "spec": { "state": [{ "name": "psi_deg" }],
+///               "action": [{ "name": "step_deg", "lower": -1.5, "upper": 5.0 }] },
+///     "action": [2.0], "gain": [[2.5]], "state": [2.0]
+/// }"#)?;
+/// assert_eq!(policy.mean(&[3.0])[0], 4.5); // 2 + 2.5 (3 - 2)
+/// assert_eq!(policy.mean(&[9.0])[0], 5.0); // clipped
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum SavedPolicy {
+    /// A normal policy over a normalized Gaussian network.
+    GaussianNetwork(GaussianPolicy),
+    /// The same action everywhere.
+    Constant(ConstantPolicy),
+    /// A linear feedback.
+    Linear(LinearPolicy),
+}
+
+impl SavedPolicy {
+    /// The word used in files.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::GaussianNetwork(_) => "gaussian_network",
+            Self::Constant(_) => "constant",
+            Self::Linear(_) => "linear",
+        }
+    }
+
+    /// The process for which the policy was made.
+    #[must_use]
+    pub const fn spec(&self) -> &ProcessSpec {
+        match self {
+            Self::GaussianNetwork(p) => p.spec(),
+            Self::Constant(p) => &p.0.spec,
+            Self::Linear(p) => &p.0.spec,
+        }
+    }
+
+    /// Whether the policy can act on a process: the same components, by name. Bounds may differ;
+    /// the policy keeps its own and the process applies its own.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::OtherProcess`] with both lists of names.
+    pub fn check_fits(&self, process: &ProcessSpec) -> Result<(), LearnError> {
+        check_same_components(self.spec(), process)
+    }
+
+    fn inner(&self) -> &dyn Policy {
+        match self {
+            Self::GaussianNetwork(p) => p,
+            Self::Constant(p) => p,
+            Self::Linear(p) => p,
+        }
+    }
+}
+
+pub(crate) fn check_same_components(
+    policy: &ProcessSpec,
+    process: &ProcessSpec,
+) -> Result<(), LearnError> {
+    let names = |spec: &ProcessSpec| {
+        let state: Vec<&str> = spec.state.iter().map(|d| d.name.as_str()).collect();
+        let action: Vec<&str> = spec.action.iter().map(|d| d.name.as_str()).collect();
+        format!(
+            "states [{}] and actions [{}]",
+            state.join(", "),
+            action.join(", ")
+        )
+    };
+    let (ours, theirs) = (names(policy), names(process));
+    if ours == theirs {
+        Ok(())
+    } else {
+        Err(LearnError::OtherProcess {
+            policy: ours,
+            process: theirs,
+        })
+    }
+}
+
+impl Policy for SavedPolicy {
+    fn mean(&self, state: &[f64]) -> Action {
+        self.inner().mean(state)
+    }
+
+    fn std(&self, state: &[f64]) -> Action {
+        self.inner().std(state)
+    }
+
+    fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+        self.inner().sample(state, rng)
+    }
+}
+
+impl KeptPolicy for SavedPolicy {
+    fn to_saved(&self) -> SavedPolicy {
+        self.clone()
+    }
+}
+
+/// `u = clip(u₀ + K (x − x₀))`, with normal exploration about it if asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "LinearFile", into = "LinearFile")]
+pub struct LinearPolicy(Linear);
+
+/// `u = clip(u₀)`, with normal exploration about it if asked for: the control that any learner must
+/// beat, and with u₀ = 0 the nominal gait.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "ConstantFile", into = "ConstantFile")]
+pub struct ConstantPolicy(Linear);
+
+/// What both share. A constant has no rows in `gain`.
+#[derive(Clone, Debug, PartialEq)]
+struct Linear {
+    spec: ProcessSpec,
+    action: Vec<f64>,
+    gain: Vec<Vec<f64>>,
+    state: Vec<f64>,
+    std: Vec<f64>,
+}
+
+impl Linear {
+    fn check(self) -> Result<Self, LearnError> {
+        check_spec(&self.spec)?;
+        let (n, m) = (self.spec.state.len(), self.spec.action.len());
+        check_length("action", self.action.len(), m)?;
+        check_length("std", self.std.len(), m)?;
+        if !self.gain.is_empty() {
+            check_length("gain", self.gain.len(), m)?;
+            check_length("state", self.state.len(), n)?;
+        }
+        for row in &self.gain {
+            check_length("gain rows", row.len(), n)?;
+        }
+        for &v in self
+            .action
+            .iter()
+            .chain(&self.state)
+            .chain(self.gain.iter().flatten())
+        {
+            check_number("action, gain and state", v, true, "finite")?;
+        }
+        for &s in &self.std {
+            check_number("std", s, s >= 0.0, "finite and not negative")?;
+        }
+        Ok(self)
+    }
+
+    fn clip(&self, component: usize, action: f64) -> f64 {
+        let bounds = &self.spec.action[component];
+        action.clamp(bounds.lower, bounds.upper)
+    }
+
+    fn unclipped(&self, state: &[f64]) -> Action {
+        (0..self.action.len())
+            .map(|j| {
+                let feedback: f64 = self.gain.get(j).map_or(0.0, |row| {
+                    row.iter()
+                        .zip(state)
+                        .zip(&self.state)
+                        .map(|((k, x), x0)| k * (x - x0))
+                        .sum()
+                });
+                self.action[j] + feedback
+            })
+            .collect()
+    }
+
+    fn mean(&self, state: &[f64]) -> Action {
+        self.unclipped(state)
+            .iter()
+            .enumerate()
+            .map(|(j, u)| self.clip(j, *u))
+            .collect()
+    }
+
+    fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+        use rand_distr::{Distribution, StandardNormal};
+        self.unclipped(state)
+            .iter()
+            .zip(&self.std)
+            .enumerate()
+            .map(|(j, (u, s))| {
+                let z: f64 = StandardNormal.sample(rng);
+                self.clip(j, u + s * z)
+            })
+            .collect()
+    }
+}
+
+impl LinearPolicy {
+    /// A linear feedback: `gain` holds one row per component of the action.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Length`] or [`LearnError::Parameter`] naming what does not fit.
+    pub fn new(
+        spec: ProcessSpec,
+        action: &[f64],
+        gain: &[Vec<f64>],
+        state: &[f64],
+    ) -> Result<Self, LearnError> {
+        check_length("gain", gain.len(), spec.action.len())?;
+        let std = vec![0.0; spec.action.len()];
+        let linear = Linear {
+            spec,
+            action: action.to_vec(),
+            gain: gain.to_vec(),
+            state: state.to_vec(),
+            std,
+        };
+        linear.check().map(Self)
+    }
+
+    /// The same policy exploring with these standard deviations, in the units of the action.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Length`] or [`LearnError::Parameter`].
+    pub fn exploring(mut self, std: &[f64]) -> Result<Self, LearnError> {
+        self.0.std = std.to_vec();
+        self.0.check().map(Self)
+    }
+
+    /// K, one row per component of the action.
+    #[must_use]
+    pub fn gain(&self) -> &[Vec<f64>] {
+        &self.0.gain
+    }
+
+    /// u₀.
+    #[must_use]
+    pub fn action(&self) -> &[f64] {
+        &self.0.action
+    }
+
+    /// x₀.
+    #[must_use]
+    pub fn state(&self) -> &[f64] {
+        &self.0.state
+    }
+}
+
+impl ConstantPolicy {
+    /// The same action everywhere.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Length`] or [`LearnError::Parameter`] naming what does not fit.
+    pub fn new(spec: ProcessSpec, action: &[f64]) -> Result<Self, LearnError> {
+        let std = vec![0.0; spec.action.len()];
+        let action = action.to_vec();
+        let linear = Linear {
+            spec,
+            action,
+            gain: Vec::new(),
+            state: Vec::new(),
+            std,
+        };
+        linear.check().map(Self)
+    }
+
+    /// The same policy exploring with these standard deviations, in the units of the action.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Length`] or [`LearnError::Parameter`].
+    pub fn exploring(mut self, std: &[f64]) -> Result<Self, LearnError> {
+        self.0.std = std.to_vec();
+        self.0.check().map(Self)
+    }
+
+    /// u₀.
+    #[must_use]
+    pub fn action(&self) -> &[f64] {
+        &self.0.action
+    }
+}
+
+macro_rules! policy_of_linear {
+    ($policy:ty, $variant:ident) => {
+        impl Policy for $policy {
+            fn mean(&self, state: &[f64]) -> Action {
+                self.0.mean(state)
+            }
+
+            fn std(&self, _state: &[f64]) -> Action {
+                self.0.std.iter().copied().collect()
+            }
+
+            fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+                self.0.sample(state, rng)
+            }
+        }
+
+        impl KeptPolicy for $policy {
+            fn to_saved(&self) -> SavedPolicy {
+                SavedPolicy::$variant(self.clone())
+            }
+        }
+    };
+}
+
+policy_of_linear!(LinearPolicy, Linear);
+policy_of_linear!(ConstantPolicy, Constant);
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LinearFile {
+    format: u32,
+    spec: ProcessSpec,
+    action: Vec<f64>,
+    gain: Vec<Vec<f64>>,
+    state: Vec<f64>,
+    #[serde(default)]
+    std: Option<Vec<f64>>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConstantFile {
+    format: u32,
+    spec: ProcessSpec,
+    action: Vec<f64>,
+    #[serde(default)]
+    std: Option<Vec<f64>>,
+}
+
+impl From<LinearPolicy> for LinearFile {
+    fn from(LinearPolicy(p): LinearPolicy) -> Self {
+        let Linear {
+            spec,
+            action,
+            gain,
+            state,
+            std,
+        } = p;
+        Self {
+            format: FORMAT,
+            spec,
+            action,
+            gain,
+            state,
+            std: Some(std),
+        }
+    }
+}
+
+impl TryFrom<LinearFile> for LinearPolicy {
+    type Error = LearnError;
+
+    fn try_from(file: LinearFile) -> Result<Self, LearnError> {
+        check_format(file.format)?;
+        let policy = Self::new(file.spec, &file.action, &file.gain, &file.state)?;
+        file.std
+            .map_or(Ok(policy.clone()), |std| policy.exploring(&std))
+    }
+}
+
+impl From<ConstantPolicy> for ConstantFile {
+    fn from(ConstantPolicy(p): ConstantPolicy) -> Self {
+        Self {
+            format: FORMAT,
+            spec: p.spec,
+            action: p.action,
+            std: Some(p.std),
+        }
+    }
+}
+
+impl TryFrom<ConstantFile> for ConstantPolicy {
+    type Error = LearnError;
+
+    fn try_from(file: ConstantFile) -> Result<Self, LearnError> {
+        check_format(file.format)?;
+        let policy = Self::new(file.spec, &file.action)?;
+        file.std
+            .map_or(Ok(policy.clone()), |std| policy.exploring(&std))
+    }
+}
