@@ -1,0 +1,399 @@
+//! The run directory: everything that a run leaves behind, written as it happens.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::{Deserialize, Serialize};
+use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_returnmap::LearnedMap;
+
+use crate::algorithm::{Iteration, Phase, Progress, Recorder, Seconds};
+use crate::error::LabError;
+use crate::provenance::Provenance;
+use crate::run::files::{Log, create_dir, read_json, read_text, write_json, write_whole};
+use crate::run::grid;
+use crate::run::summary::Summary;
+use crate::run::table::TransitionTable;
+use crate::strides::{Performance, StridePhase, Transition};
+use crate::task::Task;
+
+/// The version of the run directory that this crate writes and reads.
+const FORMAT: u32 = 1;
+
+/// What a killed run goes on from.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Checkpoint {
+    format: u32,
+    phase: Phase,
+    transition_rows: usize,
+    record_rows: usize,
+    learning_rows: usize,
+    policies: usize,
+    iterations: Vec<Iteration>,
+    nominal: Option<Performance>,
+    final_performance: Option<Performance>,
+    record_strides: usize,
+    seconds: Seconds,
+}
+
+/// Names of the components, for readers of the CSV files.
+#[derive(Debug, Serialize)]
+struct Columns<'a> {
+    state: Vec<&'a str>,
+    action: Vec<&'a str>,
+}
+
+/// Tells a watcher (a terminal) what happens; never touches the run.
+pub trait Watcher {
+    /// A stride was made on the robot.
+    fn stride(&mut self, _transition: &Transition, _what: Option<&str>) {}
+    /// A trial in the map ended.
+    fn trial(&mut self, _iteration: usize, _trial: &TrialSummary) {}
+    /// A phase ended.
+    fn phase(&mut self, _phase: Phase, _progress: &Progress) {}
+}
+
+/// A watcher that looks away.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoWatcher;
+
+impl Watcher for NoWatcher {}
+
+/// A run directory that is being written.
+pub struct RunDirectory {
+    path: PathBuf,
+    task: Task,
+    seed: u64,
+    table: TransitionTable,
+    transitions: Log,
+    record: Log,
+    learning: Log,
+    events: Log,
+    robot_trial: usize,
+    stop: Arc<AtomicBool>,
+    watcher: Box<dyn Watcher>,
+}
+
+const LEARNING_HEADER: &str = "iteration,trial,world,average_reward,falls,strides";
+
+impl RunDirectory {
+    /// Creates a run directory for a task and a seed.
+    ///
+    /// `config` is the resolved task as TOML. `stop` is looked at after each stride and each trial.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if the directory holds a run already; [`LabError::File`].
+    pub fn create(
+        path: &Path,
+        task: &Task,
+        config: &str,
+        provenance: &Provenance,
+        stop: Arc<AtomicBool>,
+        watcher: Box<dyn Watcher>,
+    ) -> Result<Self, LabError> {
+        if path.join("config.toml").exists() {
+            return Err(LabError::RunDirectory {
+                path: path.into(),
+                problem: format!(
+                    "holds a run already; go on with `stridemap learn --resume {0}`, or choose \
+                     another directory with --out",
+                    path.display()
+                ),
+            });
+        }
+        let occupied = std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if occupied {
+            return Err(LabError::RunDirectory {
+                path: path.into(),
+                problem: "is not empty and holds no run; choose another directory with --out".into(),
+            });
+        }
+        for sub in ["map", "policy", "figures/data", "poses"] {
+            create_dir(&path.join(sub))?;
+        }
+        write_json(&path.join("provenance.json"), provenance)?;
+        let spec = task.process_spec()?;
+        write_json(
+            &path.join("columns.json"),
+            &Columns {
+                state: spec.state.iter().map(|d| d.name.as_str()).collect(),
+                action: spec.action.iter().map(|d| d.name.as_str()).collect(),
+            },
+        )?;
+        // Last, because its presence says that this is a run.
+        write_whole(&path.join("config.toml"), config.as_bytes())?;
+        Self::open_logs(path, task, provenance.seed, [0, 0, 0], stop, watcher)
+    }
+
+    fn open_logs(
+        path: &Path,
+        task: &Task,
+        seed: u64,
+        [transitions, record, learning]: [usize; 3],
+        stop: Arc<AtomicBool>,
+        watcher: Box<dyn Watcher>,
+    ) -> Result<Self, LabError> {
+        let table = TransitionTable::new(&task.process_spec()?);
+        let header = table.header();
+        let events_path = path.join("events.ndjson");
+        let event_rows = read_text(&events_path).map_or(0, |t| t.lines().count().saturating_sub(1));
+        Ok(Self {
+            path: path.into(),
+            task: task.clone(),
+            seed,
+            transitions: Log::open(&path.join("transitions.csv"), &header, transitions)?,
+            record: Log::open(&path.join("record.csv"), &format!("what,{header}"), record)?,
+            learning: Log::open(&path.join("learning.csv"), LEARNING_HEADER, learning)?,
+            events: Log::open(&events_path, r#"{"format":1}"#, event_rows)?,
+            table,
+            robot_trial: 0,
+            stop,
+            watcher,
+        })
+    }
+
+    /// Opens a run directory to go on with its run, and reads what it achieved.
+    ///
+    /// What was written after the last checkpoint is dropped and made again, with the same result.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] if a file is damaged;
+    /// [`LabError::File`].
+    pub fn resume(
+        path: &Path,
+        task: &Task,
+        seed: u64,
+        stop: Arc<AtomicBool>,
+        watcher: Box<dyn Watcher>,
+    ) -> Result<(Self, Progress), LabError> {
+        let (progress, rows) = read_progress(path, task)?;
+        let directory = Self::open_logs(path, task, seed, rows, stop, watcher)?;
+        Ok((directory, progress))
+    }
+
+    /// Where it lies.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Appends an event, with the wall-clock time.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::File`].
+    pub fn event(&mut self, kind: &str, details: serde_json::Value) -> Result<(), LabError> {
+        let mut event = serde_json::json!({
+            "time": jiff::Timestamp::now().to_string(),
+            "event": kind,
+        });
+        if let (Some(map), serde_json::Value::Object(more)) = (event.as_object_mut(), details) {
+            map.extend(more);
+        }
+        self.events.append(&event.to_string())
+    }
+
+    fn check_stop(&self) -> Result<(), LabError> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(LabError::Interrupted { path: self.path.clone() });
+        }
+        Ok(())
+    }
+
+    /// Writes `summary.json` and returns it.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::File`].
+    pub fn write_summary(&mut self, progress: &Progress) -> Result<Summary, LabError> {
+        let summary = Summary::of(&self.task, self.seed, progress);
+        write_json(&self.path.join("summary.json"), &summary)?;
+        Ok(summary)
+    }
+}
+
+impl Recorder for RunDirectory {
+    fn stride(&mut self, transition: &Transition, what: Option<&str>) -> Result<(), LabError> {
+        let row = self.table.row(transition);
+        if transition.phase == StridePhase::Record {
+            self.record.append(&format!("{},{row}", what.unwrap_or_default()))?;
+        } else {
+            self.transitions.append(&row)?;
+        }
+        self.watcher.stride(transition, what);
+        self.check_stop()
+    }
+
+    fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError> {
+        write_json(&self.path.join(format!("map/{iteration}.json")), &map.to_saved(iteration))?;
+        let table = grid::map_table(map)?;
+        write_whole(
+            &self.path.join(format!("figures/data/map-{iteration}.csv")),
+            table.as_bytes(),
+        )
+    }
+
+    fn trial(&mut self, iteration: usize, trial: &TrialSummary) -> Result<(), LabError> {
+        self.learning.append(&format!(
+            "{iteration},{},map,{},{},{}",
+            trial.trial, trial.mean_reward, trial.falls, trial.strides
+        ))?;
+        self.watcher.trial(iteration, trial);
+        self.check_stop()
+    }
+
+    fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError> {
+        write_json(&self.path.join(format!("policy/{iteration}.json")), policy)?;
+        let table = grid::policy_table(policy, &self.task.map.start_range());
+        write_whole(
+            &self.path.join(format!("figures/data/policy-{iteration}.csv")),
+            table.as_bytes(),
+        )
+    }
+
+    fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError> {
+        let robot = match phase {
+            Phase::Evaluate => progress.iterations.last().and_then(|i| i.evaluation),
+            Phase::Record => progress.iterations.last().and_then(|i| i.record),
+            _ => None,
+        };
+        if let Some(p) = robot {
+            self.robot_trial += 1;
+            let iteration = progress.iterations.len();
+            let world = if phase == Phase::Evaluate { "robot-evaluation" } else { "robot" };
+            self.learning.append(&format!(
+                "{iteration},{},{world},{},{},{}",
+                iteration, p.mean_reward, p.falls, p.strides
+            ))?;
+        }
+        for log in [&self.transitions, &self.record, &self.learning] {
+            log.sync()?;
+        }
+        if phase == Phase::Final
+            && let Some(policy) = progress.best_policy()
+        {
+            write_json(&self.path.join("policy/final.json"), policy)?;
+        }
+        write_json(
+            &self.path.join("checkpoint.json"),
+            &Checkpoint {
+                format: FORMAT,
+                phase,
+                transition_rows: self.transitions.rows(),
+                record_rows: self.record.rows(),
+                learning_rows: self.learning.rows(),
+                policies: progress.policies.len(),
+                iterations: progress.iterations.clone(),
+                nominal: progress.nominal,
+                final_performance: progress.final_performance,
+                record_strides: progress.record_strides,
+                seconds: progress.seconds,
+            },
+        )?;
+        self.event(
+            "checkpoint",
+            serde_json::json!({
+                "phase": phase,
+                "iteration": progress.iterations.len(),
+                "strides": self.transitions.rows(),
+            }),
+        )?;
+        self.watcher.phase(phase, progress);
+        Ok(())
+    }
+}
+
+/// Reads what a run achieved up to its last checkpoint, and how many rows of each log belong to it.
+fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), LabError> {
+    let checkpoint_path = path.join("checkpoint.json");
+    if !checkpoint_path.exists() {
+        return Ok((Progress::default(), [0, 0, 0]));
+    }
+    let c: Checkpoint = read_json(&checkpoint_path)?;
+    if c.format != FORMAT {
+        return Err(LabError::Content {
+            path: checkpoint_path,
+            line: None,
+            problem: format!("has format {}; this version reads format {FORMAT}", c.format),
+        });
+    }
+    let table = TransitionTable::new(&task.process_spec()?);
+    let transitions = table.read(&path.join("transitions.csv"), Some(c.transition_rows))?;
+    if transitions.len() < c.transition_rows {
+        return Err(LabError::Content {
+            path: path.join("transitions.csv"),
+            line: None,
+            problem: format!(
+                "holds {} strides where the checkpoint counts {}",
+                transitions.len(),
+                c.transition_rows
+            ),
+        });
+    }
+    let policies = (1..=c.policies)
+        .map(|i| read_json(&path.join(format!("policy/{i}.json"))))
+        .collect::<Result<_, _>>()?;
+    let progress = Progress {
+        // Aborted strides are in the log but are no data.
+        transitions: transitions
+            .into_iter()
+            .filter(|t| t.end != stridemap_returnmap::StrideEnd::Aborted)
+            .collect(),
+        iterations: c.iterations,
+        policies,
+        nominal: c.nominal,
+        final_performance: c.final_performance,
+        record_strides: c.record_strides,
+        seconds: c.seconds,
+    };
+    Ok((progress, [c.transition_rows, c.record_rows, c.learning_rows]))
+}
+
+/// A run that was made before, read for further use. The directory is not changed.
+pub struct FinishedRun {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its task.
+    pub task: Task,
+    /// Where its numbers came from.
+    pub provenance: Provenance,
+    /// What it achieved.
+    pub progress: Progress,
+}
+
+impl FinishedRun {
+    /// Reads a run directory.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] or [`LabError::File`].
+    pub fn open(path: &Path, sets: &[String]) -> Result<Self, LabError> {
+        let config = path.join("config.toml");
+        if !config.exists() {
+            return Err(LabError::RunDirectory {
+                path: path.into(),
+                problem: "holds no run (there is no config.toml in it)".into(),
+            });
+        }
+        let task = crate::builtin::load_file(&config, sets)?.task;
+        let provenance = read_json(&path.join("provenance.json"))?;
+        let (progress, _) = read_progress(path, &task)?;
+        Ok(Self { path: path.into(), task, provenance, progress })
+    }
+
+    /// The policy that the run recommends: the final one, or the best so far.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if it has none yet.
+    pub fn policy(&self) -> Result<SavedPolicy, LabError> {
+        self.progress.best_policy().cloned().ok_or_else(|| LabError::RunDirectory {
+            path: self.path.clone(),
+            problem: "has no policy yet; `stridemap learn --resume` it first".into(),
+        })
+    }
+}

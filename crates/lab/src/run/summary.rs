@@ -1,0 +1,144 @@
+//! `summary.json`: the numbers that a script wants.
+
+use serde::{Deserialize, Serialize};
+
+use crate::algorithm::{Progress, Seconds};
+use crate::strides::{Performance, StrideRole};
+use crate::task::Task;
+
+/// Strides made on the robot, by what they were for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StrideCounts {
+    /// Offered to the map.
+    pub training: usize,
+    /// Run to choose, prove or stop, and not offered to the map.
+    pub evaluation: usize,
+    /// Of the nominal gait, before the training and evaluation strides.
+    pub warm_up: usize,
+    /// Run only to report.
+    pub record: usize,
+}
+
+/// One iteration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IterationSummary {
+    /// From 1.
+    pub iteration: usize,
+    /// This iteration's own strides on the robot, training and evaluation.
+    pub strides: usize,
+    /// This iteration's own falls on the robot.
+    pub falls: usize,
+    /// Training and evaluation strides up to here.
+    pub strides_so_far: usize,
+    /// Falls up to here.
+    pub falls_so_far: usize,
+    /// One per output of the map.
+    pub log_marginal_likelihood: Vec<f64>,
+    /// Of the policy measured to report.
+    pub mean_reward: Option<f64>,
+    /// Of the policy measured to report.
+    pub mean_psi_roll_deg: Option<f64>,
+    /// Of the evaluation strides, which choose; null without them.
+    pub evaluated_mean_reward: Option<f64>,
+    /// Forward speed; null where the task does not measure it.
+    pub speed_m_s: Option<f64>,
+}
+
+/// A measured policy.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// What was achieved over the strides averaged.
+    #[serde(flatten)]
+    pub performance: Performance,
+    /// Forward speed; null where the task does not measure it.
+    pub speed_m_s: Option<f64>,
+    /// Time upright, up to 60 s; null where the task does not measure it.
+    pub upright_s: Option<f64>,
+    /// Way to the left of the first heading; null where the task does not measure it.
+    pub drift_m: Option<f64>,
+}
+
+impl From<Performance> for Measured {
+    fn from(performance: Performance) -> Self {
+        Self { performance, speed_m_s: None, upright_s: None, drift_m: None }
+    }
+}
+
+/// Wall-clock seconds; the only numbers here that differ from run to run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SecondsSummary {
+    /// By kind of work.
+    #[serde(flatten)]
+    pub by_work: Seconds,
+    /// All of it.
+    pub total: f64,
+}
+
+/// `summary.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Name of the task.
+    pub experiment: String,
+    /// Root of every random stream.
+    pub seed: u64,
+    /// Strides made on the robot.
+    pub strides: StrideCounts,
+    /// Iterations of Algorithm 1.
+    pub iterations: Vec<IterationSummary>,
+    /// The iteration whose policy is the final one; null before the first improvement.
+    pub final_iteration: Option<usize>,
+    /// The nominal gait, measured; null until it was.
+    pub nominal: Option<Measured>,
+    /// The final policy, measured; null until it was.
+    #[serde(rename = "final")]
+    pub final_policy: Option<Measured>,
+    /// Time spent.
+    pub seconds: SecondsSummary,
+}
+
+impl Summary {
+    /// The summary of what a run achieved so far.
+    #[must_use]
+    pub fn of(task: &Task, seed: u64, progress: &Progress) -> Self {
+        let (mut strides_so_far, mut falls_so_far) = (0, 0);
+        let iterations = progress
+            .iterations
+            .iter()
+            .map(|i| {
+                strides_so_far += i.strides;
+                falls_so_far += i.falls;
+                IterationSummary {
+                    iteration: i.iteration,
+                    strides: i.strides,
+                    falls: i.falls,
+                    strides_so_far,
+                    falls_so_far,
+                    log_marginal_likelihood: i.log_marginal_likelihood.clone(),
+                    mean_reward: i.record.map(|p| p.mean_reward),
+                    mean_psi_roll_deg: i.record.map(|p| p.mean_psi_roll_deg),
+                    evaluated_mean_reward: i.evaluation.map(|p| p.mean_reward),
+                    speed_m_s: None,
+                }
+            })
+            .collect();
+        let s = progress.seconds;
+        Self {
+            experiment: task.name.clone(),
+            seed,
+            strides: StrideCounts {
+                training: progress.strides(StrideRole::Training),
+                evaluation: progress.strides(StrideRole::Evaluation),
+                warm_up: progress.iterations.iter().map(|i| i.warm_up).sum(),
+                record: progress.record_strides,
+            },
+            iterations,
+            final_iteration: progress.best().map(|i| i + 1),
+            nominal: progress.nominal.map(Measured::from),
+            final_policy: progress.final_performance.map(Measured::from),
+            seconds: SecondsSummary {
+                by_work: s,
+                total: s.simulation + s.fit + s.improve,
+            },
+        }
+    }
+}
