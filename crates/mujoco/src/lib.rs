@@ -7,6 +7,7 @@
 //! What the simulator warns of is an error here: a state that MuJoCo itself would reset in silence never
 //! reaches a return map.
 
+mod bench;
 mod binding;
 mod config;
 mod engine;

@@ -252,7 +252,7 @@ impl MujocoRobot {
     }
 
     /// Hands the targets to servos and PD laws.
-    fn command(&mut self, targets: &JointTargets) {
+    pub(crate) fn command(&mut self, targets: &JointTargets) {
         let ctrl = self.data.ctrl_mut();
         let flat = targets.position_rad.values.iter().flatten();
         for ((axis, law), target) in self.binding.legs.iter().zip(&mut self.laws).zip(flat) {
