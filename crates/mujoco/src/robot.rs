@@ -237,20 +237,6 @@ impl MujocoRobot {
         Ok(())
     }
 
-    /// Refuses targets that are not finite.
-    fn check(targets: &JointTargets) -> Result<(), RobotError> {
-        for (side, joint, &value_rad) in targets.position_rad.iter() {
-            if !value_rad.is_finite() {
-                return Err(RobotError::NotFinite {
-                    side,
-                    joint: joint.name(),
-                    value_rad,
-                });
-            }
-        }
-        Ok(())
-    }
-
     /// Hands the targets to servos and PD laws.
     pub(crate) fn command(&mut self, targets: &JointTargets) {
         let ctrl = self.data.ctrl_mut();
@@ -429,7 +415,7 @@ impl Robot for MujocoRobot {
         posture: &JointTargets,
         rng: &mut ChaCha8Rng,
     ) -> Result<&RobotState, RobotError> {
-        Self::check(posture)?;
+        posture.check_finite()?;
         self.data.reset();
         self.failure = None;
         self.periods = 0;
@@ -470,7 +456,7 @@ impl Robot for MujocoRobot {
     }
 
     fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError> {
-        Self::check(targets)?;
+        targets.check_finite()?;
         if let Some(failure) = &self.failure {
             return Err(failure.clone());
         }
