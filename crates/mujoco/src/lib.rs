@@ -7,10 +7,12 @@
 //! What the simulator warns of is an error here: a state that MuJoCo itself would reset in silence never
 //! reaches a return map.
 
+mod bench;
 mod binding;
 mod config;
 mod engine;
 mod error;
+mod report;
 mod robot;
 mod rotation;
 mod scene;
@@ -19,4 +21,5 @@ mod sole;
 pub use config::{LegMap, ModelSource, MujocoConfig};
 pub use engine::{BIPED_XML, mujoco_version};
 pub use error::MujocoError;
+pub use report::{ActuatorKind, JointReport};
 pub use robot::{MujocoRobot, Provenance, Snapshot};

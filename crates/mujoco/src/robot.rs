@@ -237,22 +237,8 @@ impl MujocoRobot {
         Ok(())
     }
 
-    /// Refuses targets that are not finite.
-    fn check(targets: &JointTargets) -> Result<(), RobotError> {
-        for (side, joint, &value_rad) in targets.position_rad.iter() {
-            if !value_rad.is_finite() {
-                return Err(RobotError::NotFinite {
-                    side,
-                    joint: joint.name(),
-                    value_rad,
-                });
-            }
-        }
-        Ok(())
-    }
-
     /// Hands the targets to servos and PD laws.
-    fn command(&mut self, targets: &JointTargets) {
+    pub(crate) fn command(&mut self, targets: &JointTargets) {
         let ctrl = self.data.ctrl_mut();
         let flat = targets.position_rad.values.iter().flatten();
         for ((axis, law), target) in self.binding.legs.iter().zip(&mut self.laws).zip(flat) {
@@ -429,7 +415,7 @@ impl Robot for MujocoRobot {
         posture: &JointTargets,
         rng: &mut ChaCha8Rng,
     ) -> Result<&RobotState, RobotError> {
-        Self::check(posture)?;
+        posture.check_finite()?;
         self.data.reset();
         self.failure = None;
         self.periods = 0;
@@ -470,7 +456,7 @@ impl Robot for MujocoRobot {
     }
 
     fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError> {
-        Self::check(targets)?;
+        targets.check_finite()?;
         if let Some(failure) = &self.failure {
             return Err(failure.clone());
         }

@@ -146,3 +146,34 @@ pub struct JointTargets {
     /// Desired angle of each leg joint.
     pub position_rad: Legs<f64>,
 }
+
+impl JointTargets {
+    /// Refuses targets that are not finite, naming the first.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::NotFinite`](crate::RobotError::NotFinite).
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_robot::{JointTargets, LegJoint, Side};
+    ///
+    /// let mut targets = JointTargets::default();
+    /// assert!(targets.check_finite().is_ok());
+    /// targets.position_rad[(Side::Left, LegJoint::Knee)] = f64::NAN;
+    /// assert!(targets.check_finite().is_err());
+    /// ```
+    pub fn check_finite(&self) -> Result<(), crate::RobotError> {
+        for (side, joint, &value_rad) in self.position_rad.iter() {
+            if !value_rad.is_finite() {
+                return Err(crate::RobotError::NotFinite {
+                    side,
+                    joint: joint.name(),
+                    value_rad,
+                });
+            }
+        }
+        Ok(())
+    }
+}

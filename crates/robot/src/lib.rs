@@ -8,13 +8,16 @@
 //! Joint angles carry Stridemap's own signs: hip pitch + swings the thigh forward, knee flexion is
 //! negative, ankle pitch + lifts the toes, rolls turn about +x.
 
+pub mod contract;
 mod error;
+mod guard;
 mod legs;
 mod robot;
 mod shape;
 mod state;
 
 pub use error::RobotError;
+pub use guard::{GuardCounts, GuardLimits, Guarded};
 pub use legs::{JointTargets, LEG_JOINTS, LegJoint, Legs, Side};
 pub use robot::{JointLimits, Robot, RobotDescription};
 pub use shape::{Pose, Shape, ShapeKind};
