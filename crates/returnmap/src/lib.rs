@@ -10,12 +10,35 @@
 //! - \[MA09\] J. Morimoto and C. G. Atkeson, *Nonparametric representation of an approximated
 //!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009,
 //!   doi:10.1007/s10514-009-9133-z.
+//! - \[Coleman98\] M. J. Coleman, *A stability study of a three-dimensional passive-dynamic model of
+//!   human gait*, PhD thesis, Cornell University, 1998.
+//! - \[McGeer90\] T. McGeer, *Passive dynamic walking*, International Journal of Robotics Research
+//!   9(2), 1990.
+//! - \[BT09\] K. Byl and R. Tedrake, *Metastable walking machines*, International Journal of Robotics
+//!   Research 28(8), 2009.
+//! - \[Bert12\] D. P. Bertsekas, *Dynamic programming and optimal control*, vol. II, 4th ed., 2012.
 
 mod action_law;
+mod analysis;
+mod learned;
+mod linear_gaussian;
+mod linear_quadratic;
 mod process;
+mod return_line;
+mod rimless_wheel;
+mod stability;
 
 pub use action_law::{ActionLaw, ActionLimits};
+pub use analysis::{AnalysisError, MeanMap};
+pub use learned::{
+    LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapSample, MapStart, MapWorld, StateReward,
+};
+pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
+pub use linear_quadratic::{LinearFeedback, linear_quadratic_feedback};
 pub use process::{
     Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
     StrideProcess, clipped_action,
 };
+pub use return_line::ReturnLine;
+pub use rimless_wheel::{RimlessWheel, RimlessWheelParameters};
+pub use stability::{FixedPoint, Linearization, fixed_point, linearize};
