@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use stridemap_gait::GaitError;
 use stridemap_learn::LearnError;
 use stridemap_mujoco::MujocoError;
-use stridemap_returnmap::ProcessError;
+use stridemap_returnmap::{AnalysisError, ProcessError};
 use stridemap_section::SectionError;
 
 use crate::config::ConfigError;
@@ -55,6 +55,9 @@ pub enum LabError {
     /// The learner fails.
     #[error("learner: {0}")]
     Learn(#[from] LearnError),
+    /// A return map or fixed point cannot be found.
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
     /// The nominal gait does not carry this robot.
     #[error(
         "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s); \

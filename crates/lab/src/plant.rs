@@ -11,8 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gait::Gait;
 use stridemap_returnmap::{
-    ActionDimension, ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, StateDimension,
-    Stride, StrideEnd, StrideProcess,
+    ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
 };
 use stridemap_robot::{Robot, RobotError, RobotState, Side};
 use stridemap_section::{Crossing, SectionConfig, SectionDetector};
@@ -42,8 +41,6 @@ pub struct FailureConfig {
 pub struct PlantAction {
     /// Index into [`Gait::modulations`].
     pub modulation: usize,
-    /// Name with unit.
-    pub name: String,
     /// Bounds, rate and smoothing.
     pub limits: ActionLimits,
 }
@@ -152,22 +149,11 @@ impl Plant {
     pub fn new(
         robot: Box<dyn Robot>,
         gait: Box<dyn Gait>,
+        spec: ProcessSpec,
         task: PlantTask,
     ) -> Result<Self, LabError> {
         let detector = SectionDetector::new(task.section)?;
         let law = ActionLaw::new(task.action.iter().map(|a| a.limits).collect())?;
-        let spec = ProcessSpec {
-            state: task.state.iter().map(|c| StateDimension { name: c.name().into() }).collect(),
-            action: task
-                .action
-                .iter()
-                .map(|a| ActionDimension {
-                    name: a.name.clone(),
-                    lower: a.limits.lower,
-                    upper: a.limits.upper,
-                })
-                .collect(),
-        };
         let meter = StrideMeter::new(gait.rest());
         Ok(Self {
             robot,

@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
 use stridemap_learn::ActorCriticConfig;
 use stridemap_mujoco::{MujocoConfig, MujocoRobot};
-use stridemap_returnmap::{ActionLimits, MapConfig};
+use stridemap_returnmap::{
+    ActionDimension, ActionLimits, MapConfig, MapFailure, ProcessSpec, StateDimension,
+};
 use stridemap_section::SectionConfig;
 
 use crate::error::{Invalid, LabError};
@@ -314,7 +316,6 @@ impl Task {
             }
             actions.push(PlantAction {
                 modulation: index,
-                name: m.name.into(),
                 limits: ActionLimits {
                     lower,
                     upper,
@@ -336,13 +337,44 @@ impl Task {
         Ok(self.plant_actions()?.into_iter().map(|a| a.limits).collect())
     }
 
+    /// Names and bounds of states and actions.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::validate`].
+    pub fn process_spec(&self) -> Result<ProcessSpec, LabError> {
+        Ok(ProcessSpec {
+            state: self.state.iter().map(|c| StateDimension { name: c.name().into() }).collect(),
+            action: self
+                .action
+                .iter()
+                .zip(self.plant_actions()?)
+                .map(|(config, a)| ActionDimension {
+                    name: config.modulates.clone(),
+                    lower: a.limits.lower,
+                    upper: a.limits.upper,
+                })
+                .collect(),
+        })
+    }
+
+    /// When a next state in the map is a fall: the part of the failure that a state shows.
+    #[must_use]
+    pub fn map_failure(&self) -> MapFailure {
+        MapFailure {
+            component: self.state.iter().position(|c| *c == StateComponent::PsiRollDeg),
+            below: self.failure.psi_roll_below_deg,
+            reward: self.failure.reward,
+        }
+    }
+
     /// Builds the robot with its gait as a stride process.
     ///
     /// # Errors
     ///
     /// [`LabError`] of the room at fault.
     pub fn plant(&self) -> Result<Plant, LabError> {
-        let robot = MujocoRobot::new(&self.robot)?;
+        let robot = MujocoRobot::new(self.robot.clone())?;
         let task = PlantTask {
             state: self.state.clone(),
             action: self.plant_actions()?,
@@ -351,6 +383,6 @@ impl Task {
             section: self.section,
             warm_up_strides: self.collect.warm_up_strides,
         };
-        Plant::new(Box::new(robot), Box::new(self.gait()?), task)
+        Plant::new(Box::new(robot), Box::new(self.gait()?), self.process_spec()?, task)
     }
 }

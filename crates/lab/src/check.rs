@@ -1,0 +1,274 @@
+//! Can a task work? Looked at before anything is learned.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use stridemap_mujoco::{JointReport, MujocoRobot};
+use stridemap_returnmap::StrideEnd;
+use stridemap_robot::{Robot, Side};
+
+use crate::error::LabError;
+use crate::seed::{Role, stream};
+use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, make_strides};
+use crate::task::{ExploreConfig, Task};
+
+/// How long the nominal gait must step.
+const NOMINAL_S: f64 = 20.0;
+/// Strides with random actions to see whether the action moves the map.
+const EXCITED_STRIDES: usize = 40;
+/// Share of an action's bounds, about its neutral value, over which it is excited.
+const EXCITED_SHARE: f64 = 0.25;
+
+/// One question and its answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CheckItem {
+    /// What was looked at.
+    pub what: String,
+    /// Whether it is as it must be.
+    pub ok: bool,
+    /// What was found; where it is not ok, what to do.
+    pub found: String,
+}
+
+/// How strongly an action moves the next state, from a linear fit over excited strides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gain {
+    /// Component of the next state.
+    pub state: String,
+    /// Component of the action.
+    pub action: String,
+    /// Change of the next state per unit of the action.
+    pub gain: f64,
+    /// Its standard error.
+    pub std_error: f64,
+}
+
+/// Everything that a check found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CheckReport {
+    /// Whether every item is ok.
+    pub ok: bool,
+    /// The items, in the order in which they were looked at; it ends at the first that makes the next
+    /// ones meaningless.
+    pub items: Vec<CheckItem>,
+    /// The joint map.
+    pub joints: Vec<JointReport>,
+    /// How the actions move the section map.
+    pub gains: Vec<Gain>,
+}
+
+impl CheckReport {
+    fn item(&mut self, what: &str, ok: bool, found: String) -> bool {
+        self.ok &= ok;
+        self.items.push(CheckItem { what: what.into(), ok, found });
+        ok
+    }
+}
+
+/// Looks at a task: joints found and plausible, feet on the floor, the nominal gait steps for 20 s,
+/// sections seen, the section map moved by every action.
+///
+/// # Errors
+///
+/// [`LabError`] if the robot cannot be built or driven; that it does not walk is an answer.
+pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
+    let mut report =
+        CheckReport { ok: true, items: Vec::new(), joints: Vec::new(), gains: Vec::new() };
+
+    let mut robot = MujocoRobot::new(task.robot.clone())?;
+    report.joints = robot.joint_report()?;
+    let problems: Vec<String> = report
+        .joints
+        .iter()
+        .filter_map(|j| {
+            let problem = j.problem.as_ref()?;
+            Some(format!("{:?} {} ({}): {problem}", j.side, j.joint.name(), j.model_joint))
+        })
+        .collect();
+    let found = if problems.is_empty() {
+        "10 joints found, axes and signs plausible".into()
+    } else {
+        problems.join("; ")
+    };
+    let joints_ok = report.item("joints", problems.is_empty(), found);
+
+    let rest = task.robot.rest_targets();
+    robot.reset(&rest, &mut stream(seed, Role::Check, 0))?;
+    let stand_s = 1.0;
+    let ticks = (stand_s / task.robot.control_period_s).ceil() as usize;
+    for _ in 0..ticks {
+        robot.step(&rest)?;
+    }
+    let state = robot.state();
+    let weight_n = robot.description().mass_kg
+        * robot.provenance().gravity_m_s2.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let carried_n: f64 = state.feet.iter().map(|f| f.load_n).sum();
+    let stands = state.base.tilt_rad().to_degrees() < task.failure.tilt_above_deg
+        && (carried_n - weight_n).abs() < 0.1 * weight_n
+        && Side::BOTH.iter().all(|side| state.foot(*side).load_n > 0.2 * weight_n);
+    let found = format!(
+        "after {stand_s} s at rest: feet carry {:.0} + {:.0} N of {weight_n:.0} N, tilt {:.1} deg",
+        state.foot(Side::Left).load_n,
+        state.foot(Side::Right).load_n,
+        state.base.tilt_rad().to_degrees()
+    );
+    let stands = report.item("feet touch", stands, found);
+    if !(joints_ok && stands) {
+        return Ok(report);
+    }
+
+    if !check_nominal(task, seed, &mut report)? {
+        return Ok(report);
+    }
+    check_excitation(task, seed, &mut report)?;
+    Ok(report)
+}
+
+/// The nominal gait steps, and every step shows a section.
+fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<bool, LabError> {
+    let mut plant = task.plant()?;
+    let neutral = ExploreConfig {
+        center: task.action_limits()?.iter().map(|l| [l.neutral; 2]).collect(),
+        std: vec![0.0; task.action.len()],
+        hold: 1,
+    };
+    let mut rng = stream(seed, Role::Check, 1);
+    let mut strides = 0;
+    let mut fallen = None;
+    let mut stances = [0_usize; 2];
+    let batch = Batch {
+        iteration: 0,
+        phase: StridePhase::Record,
+        role: StrideRole::Record,
+        strides: 1000,
+    };
+    let result = make_strides(
+        &mut plant,
+        &ActionSource::Explore(&neutral),
+        batch,
+        &mut rng,
+        &mut |_, _| {},
+        &mut |t| {
+            if t.end != StrideEnd::Crossing {
+                fallen = Some((t.time_s, t.end));
+            } else {
+                strides += 1;
+                if let Some(stance) = t.stance {
+                    stances[stance.index()] += 1;
+                }
+            }
+            // Enough is seen: leave the batch, which is no error here.
+            if fallen.is_some() || t.time_s >= NOMINAL_S {
+                return Err(LabError::TooFewStrides { found: strides, needed: 0 });
+            }
+            Ok(())
+        },
+    );
+    match result {
+        Ok(_) | Err(LabError::TooFewStrides { .. }) => {}
+        Err(LabError::Process(error)) => {
+            report.item("nominal gait", false, error.to_string());
+            return Ok(false);
+        }
+        Err(error) => return Err(error),
+    }
+    let found = match fallen {
+        None => format!("steps for {NOMINAL_S} s"),
+        Some((time_s, end)) => format!(
+            "{} after {time_s:.1} s; try other amplitudes, rest posture or servo gains",
+            end.name()
+        ),
+    };
+    if !report.item("nominal gait", fallen.is_none(), found) {
+        return Ok(false);
+    }
+    let [left, right] = stances;
+    let both = left > 0 && right > 0 && left.abs_diff(right) <= 1 + strides / 10;
+    Ok(report.item(
+        "sections",
+        both,
+        format!("{strides} strides, {left} from the left leg and {right} from the right"),
+    ))
+}
+
+/// Random actions move the next state: rank and gain of a linear fit.
+fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<(), LabError> {
+    let mut plant = task.plant()?;
+    let limits = task.action_limits()?;
+    let explore = ExploreConfig {
+        center: limits
+            .iter()
+            .map(|l| {
+                let half = 0.5 * EXCITED_SHARE * (l.upper - l.lower);
+                [(l.neutral - half).max(l.lower), (l.neutral + half).min(l.upper)]
+            })
+            .collect(),
+        std: vec![0.0; limits.len()],
+        hold: 1,
+    };
+    let batch = Batch {
+        iteration: 0,
+        phase: StridePhase::Record,
+        role: StrideRole::Record,
+        strides: EXCITED_STRIDES,
+    };
+    let mut rng = stream(seed, Role::Check, 2);
+    let transitions = make_strides(
+        &mut plant,
+        &ActionSource::Explore(&explore),
+        batch,
+        &mut rng,
+        &mut |_, _| {},
+        &mut |_| Ok(()),
+    )?;
+    let falls = transitions.iter().filter(|t| t.end != StrideEnd::Crossing).count();
+    let rows: Vec<_> = transitions.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
+    let (n, states, actions) = (rows.len(), task.state.len(), task.action.len());
+    let columns = 1 + states + actions;
+    if n <= columns + 2 {
+        report.item("section map", false, format!("{falls} falls in {EXCITED_STRIDES} strides"));
+        return Ok(());
+    }
+    let design = DMatrix::from_fn(n, columns, |i, j| match j {
+        0 => 1.0,
+        j if j <= states => rows[i].state[j - 1],
+        j => rows[i].action[j - 1 - states],
+    });
+    let gram = design.transpose() * &design;
+    let Some(inverse) = gram.clone().try_inverse() else {
+        let found = "the actions do not vary independently; widen their bounds".to_string();
+        report.item("section map", false, found);
+        return Ok(());
+    };
+    let mut strongest = vec![0.0_f64; actions];
+    for (c, component) in task.state.iter().enumerate() {
+        let y = DVector::from_fn(n, |i, _| rows[i].next_state[c]);
+        let beta = &inverse * design.transpose() * &y;
+        let residual = &y - &design * &beta;
+        let variance = residual.norm_squared() / (n - columns) as f64;
+        for (a, action) in task.action.iter().enumerate() {
+            let j = 1 + states + a;
+            let std_error = (variance * inverse[(j, j)]).sqrt();
+            strongest[a] = strongest[a].max((beta[j] / std_error).abs());
+            report.gains.push(Gain {
+                state: component.name().into(),
+                action: action.modulates.clone(),
+                gain: beta[j],
+                std_error,
+            });
+        }
+    }
+    let weak: Vec<&str> = task
+        .action
+        .iter()
+        .zip(&strongest)
+        .filter(|(_, t)| **t < 2.0)
+        .map(|(action, _)| action.modulates.as_str())
+        .collect();
+    let found = if weak.is_empty() {
+        format!("every action moves the next state; {falls} falls in {EXCITED_STRIDES} strides")
+    } else {
+        format!("no effect seen of {}; widen the bounds or choose another", weak.join(", "))
+    };
+    report.item("section map", weak.is_empty(), found);
+    Ok(())
+}

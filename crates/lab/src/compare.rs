@@ -1,0 +1,235 @@
+//! Learning in the map against learning on the robot itself, the paper's "full model"
+//! \[MA09, figs. 8 and 9\].
+
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
+use stridemap_returnmap::{StrideProcess, State};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use crate::algorithm::{Algorithm, Iteration, Phase, Progress, Recorder};
+use crate::error::LabError;
+use crate::plant::Plant;
+use crate::seed::{Role, stream};
+use crate::strides::{
+    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
+};
+use crate::task::Task;
+
+/// Strides over which a frozen policy is measured on the robot.
+pub const STRIDES_PER_POINT: usize = 20;
+
+/// Mean and standard deviation over seeds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation, with n − 1; null for one seed.
+    pub sd: Option<f64>,
+}
+
+impl Spread {
+    /// Mean and standard deviation of numbers; zero for none.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// let s = stridemap_lab::Spread::of(&[1.0, 2.0, 3.0]);
+    /// assert_eq!((s.mean, s.sd), (2.0, Some(1.0)));
+    /// ```
+    #[must_use]
+    pub fn of(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / n };
+        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+        Self { mean, sd: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()) }
+    }
+}
+
+/// One point of the two learning curves.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ComparePoint {
+    /// Trials learned; 0 is before any.
+    pub trial: usize,
+    /// Learned in the Gaussian-process map.
+    pub gp: Spread,
+    /// Learned on the robot itself.
+    pub full: Spread,
+    /// Two-sided Student's t-test of equal means, pooled variance; null where undefined.
+    pub p_value: Option<f64>,
+}
+
+/// Both arms of one seed.
+#[derive(Clone, Debug)]
+pub struct CompareSeed {
+    /// The seed.
+    pub seed: u64,
+    /// Mean reward on the robot of the frozen policy after each trial, learned in the map.
+    pub gp: Vec<f64>,
+    /// The same, learned on the robot.
+    pub full: Vec<f64>,
+    /// The last policy learned in the map.
+    pub gp_policy: SavedPolicy,
+    /// The last policy learned on the robot.
+    pub full_policy: SavedPolicy,
+    /// States of the strides that the map was fitted to.
+    pub states: Vec<State>,
+    /// Strides on the robot for the map; learning in it needs no more.
+    pub gp_strides: usize,
+    /// Strides on the robot for learning on it.
+    pub full_strides: usize,
+    /// Falls on the robot while collecting for the map.
+    pub gp_falls: usize,
+    /// Falls on the robot while learning on it.
+    pub full_falls: usize,
+}
+
+/// A recorder that keeps nothing.
+struct Forget;
+
+impl Recorder for Forget {
+    fn stride(&mut self, _: &Transition, _: Option<&str>) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn map(&mut self, _: usize, _: &stridemap_returnmap::LearnedMap) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn trial(&mut self, _: usize, _: &stridemap_learn::TrialSummary) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
+        Ok(())
+    }
+}
+
+/// Runs the actor-critic on a process and keeps a copy of the policy before and after each trial.
+fn frozen_policies(
+    task: &Task,
+    process: &mut dyn StrideProcess,
+    rng: &mut ChaCha8Rng,
+) -> Result<Vec<GaussianPolicy>, LabError> {
+    let config = &task.learner.actor_critic;
+    let mut run = ActorCriticRun::new(config, process.spec(), None)?;
+    let mut frozen = vec![run.policy().clone()];
+    for _ in 0..config.trials {
+        run.run_trial(process, rng)?;
+        frozen.push(run.policy().clone());
+    }
+    Ok(frozen)
+}
+
+/// Mean reward on the robot of each frozen stochastic policy, every one from a fresh start and with
+/// the same random stream in both arms.
+fn measure(
+    task: &Task,
+    plant: &mut Plant,
+    frozen: &[GaussianPolicy],
+    seed: u64,
+) -> Result<Vec<f64>, LabError> {
+    let no_noise = vec![0.0; task.action.len()];
+    let batch = Batch {
+        iteration: 0,
+        phase: StridePhase::Record,
+        role: StrideRole::Record,
+        strides: STRIDES_PER_POINT,
+    };
+    let mut rewards = Vec::with_capacity(frozen.len());
+    for (trial, policy) in frozen.iter().enumerate() {
+        let mut rng = stream(seed, Role::Compare, trial as u64);
+        let source = ActionSource::Sample(policy, &no_noise);
+        let transitions =
+            make_strides(plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
+        rewards.push(Performance::of(&transitions, 0).mean_reward);
+    }
+    Ok(rewards)
+}
+
+/// Runs both arms of one seed: the same learner, once in the map of one batch of strides, once on the
+/// robot.
+///
+/// # Errors
+///
+/// [`LabError`] of the room at fault.
+pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
+    let mut algorithm = Algorithm::new(task, seed)?;
+    algorithm.collect(&mut Forget)?;
+    let mut map = algorithm.fit(&mut Forget)?;
+    let Iteration { strides: gp_strides, falls: gp_falls, .. } =
+        algorithm.progress.iterations.first().cloned().unwrap_or_default();
+    let in_map = frozen_policies(task, &mut map, &mut stream(seed, Role::Improve, 1))?;
+
+    let plant = algorithm.plant_mut();
+    let before = plant.counters();
+    let on_robot = frozen_policies(task, plant, &mut stream(seed, Role::FullModel, 0))?;
+    let counted = plant.counters().since(before);
+
+    let gp = measure(task, plant, &in_map, seed)?;
+    let full = measure(task, plant, &on_robot, seed)?;
+    let last = |policies: &[GaussianPolicy]| {
+        policies.last().map(KeptPolicy::to_saved).ok_or(LabError::TooFewStrides {
+            found: 0,
+            needed: 1,
+        })
+    };
+    Ok(CompareSeed {
+        seed,
+        gp,
+        full,
+        gp_policy: last(&in_map)?,
+        full_policy: last(&on_robot)?,
+        states: algorithm.progress.transitions.iter().map(|t| t.state.clone()).collect(),
+        gp_strides,
+        full_strides: counted.strides,
+        gp_falls,
+        full_falls: counted.falls,
+    })
+}
+
+/// The two learning curves over seeds.
+#[must_use]
+pub fn learning_curves(seeds: &[CompareSeed]) -> Vec<ComparePoint> {
+    let trials = seeds.iter().map(|s| s.gp.len().min(s.full.len())).min().unwrap_or(0);
+    (0..trials)
+        .map(|trial| {
+            let gp: Vec<f64> = seeds.iter().map(|s| s.gp[trial]).collect();
+            let full: Vec<f64> = seeds.iter().map(|s| s.full[trial]).collect();
+            ComparePoint {
+                trial,
+                gp: Spread::of(&gp),
+                full: Spread::of(&full),
+                p_value: students_t(&gp, &full),
+            }
+        })
+        .collect()
+}
+
+/// Two-sided p-value of Student's t-test for equal means of two samples with pooled variance; `None`
+/// with fewer than two values in one, or without any spread.
+///
+/// # Example
+///
+/// Means 2 and 4, both variances 1, n = 3: t = −2 / √(2/3) = −2.449, 4 degrees of freedom.
+///
+/// ```
+/// let p = stridemap_lab::students_t(&[1.0, 2.0, 3.0], &[3.0, 4.0, 5.0]).unwrap();
+/// assert!((p - 0.070_48).abs() < 1e-5);
+/// assert_eq!(stridemap_lab::students_t(&[1.0], &[2.0, 3.0]), None);
+/// ```
+#[must_use]
+pub fn students_t(a: &[f64], b: &[f64]) -> Option<f64> {
+    let (Spread { mean: mean_a, sd: sd_a }, Spread { mean: mean_b, sd: sd_b }) =
+        (Spread::of(a), Spread::of(b));
+    let (n, m) = (a.len() as f64, b.len() as f64);
+    let degrees = n + m - 2.0;
+    let pooled = ((n - 1.0) * sd_a?.powi(2) + (m - 1.0) * sd_b?.powi(2)) / degrees;
+    let standard_error = (pooled * (1.0 / n + 1.0 / m)).sqrt();
+    if !(standard_error > 0.0 && standard_error.is_finite()) {
+        return None;
+    }
+    let t = (mean_a - mean_b) / standard_error;
+    let distribution = StudentsT::new(0.0, 1.0, degrees).ok()?;
+    Some(2.0 * distribution.cdf(-t.abs()))
+}

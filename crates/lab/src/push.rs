@@ -1,0 +1,140 @@
+//! The return map under pushes \[MA09, fig. 10\].
+
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+use stridemap_learn::Policy;
+use stridemap_returnmap::{AnalysisError, ReturnLine, StrideEnd};
+
+use crate::error::LabError;
+use crate::plant::{Plant, Push};
+use crate::seed::{Role, stream};
+use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, Transition, make_strides};
+
+/// Every how many strides the robot is pushed.
+const EVERY: usize = 4;
+
+/// How the robot is pushed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PushConfig {
+    /// F: forces are uniform in \[−F, F\], lateral, on the torso's centre of mass.
+    pub force_n: f64,
+    /// For how long each acts, from the moment when the load passes from one foot to the other.
+    pub duration_s: f64,
+    /// Strides in all; every fourth is pushed.
+    pub strides: usize,
+}
+
+/// One pair of the return map.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PushPair {
+    /// Stride of the push.
+    pub k: usize,
+    /// `ψ_roll` at the first section after the push.
+    pub psi_roll_deg: f64,
+    /// `ψ_roll` two strides later.
+    pub psi_roll_after_2_deg: f64,
+    /// The force, + to the robot's left.
+    pub force_n: f64,
+}
+
+/// What pushes showed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PushOutcome {
+    /// Slope of the line through the pairs; null with fewer than three pairs.
+    pub slope: Option<f64>,
+    /// Standard error of the slope.
+    pub slope_std_error: Option<f64>,
+    /// Where the line meets the diagonal: intercept / (1 − slope).
+    pub fixed_point_deg: Option<f64>,
+    /// Falls, all of them; pairs with a fall in them are left out.
+    pub falls: usize,
+    /// Pairs behind the line.
+    pub pairs: usize,
+    /// Strides made.
+    pub strides: usize,
+    /// The largest force.
+    pub force_n: f64,
+    /// How long each push acted.
+    pub duration_s: f64,
+    /// The pairs.
+    #[serde(skip)]
+    pub data: Vec<PushPair>,
+}
+
+/// Pushes a walking robot and fits its return map ψ(k) → ψ(k+2).
+///
+/// At every 4th stride a lateral force, uniform in \[−F, F\], acts on the torso. k is the first section
+/// after the push, and neither of the two strides that follow is pushed. The first 10 strides only let
+/// the policy settle.
+///
+/// # Errors
+///
+/// [`LabError::Process`] if the plant fails, or cannot push.
+pub fn push(
+    plant: &mut Plant,
+    policy: &dyn Policy,
+    config: PushConfig,
+    seed: u64,
+    observe: &mut dyn FnMut(&Transition) -> Result<(), LabError>,
+) -> Result<PushOutcome, LabError> {
+    const SETTLE: usize = 10;
+    let mut forces = stream(seed, Role::Push, 1);
+    let mut rng = stream(seed, Role::Push, 0);
+    let mut pushed: Vec<Option<f64>> = Vec::with_capacity(SETTLE + config.strides);
+    let batch = Batch {
+        iteration: 0,
+        phase: StridePhase::Record,
+        role: StrideRole::Record,
+        strides: SETTLE + config.strides,
+    };
+    let transitions = make_strides(
+        plant,
+        &ActionSource::Mean(policy),
+        batch,
+        &mut rng,
+        &mut |plant, index| {
+            let push = index >= SETTLE && (index - SETTLE).is_multiple_of(EVERY);
+            let left_n = push.then(|| config.force_n * (2.0 * forces.random::<f64>() - 1.0));
+            if let Some(left_n) = left_n {
+                plant.push_in_next_stride(Push { left_n, duration_s: config.duration_s });
+            }
+            pushed.truncate(index); // an aborted stride is asked for again
+            pushed.push(left_n);
+        },
+        observe,
+    )?;
+
+    let psi_deg = |i: usize| transitions[i].measures.psi_roll_deg;
+    let reached = |i: usize| transitions.get(i).is_some_and(|t| t.end == StrideEnd::Crossing);
+    let data: Vec<PushPair> = pushed
+        .iter()
+        .enumerate()
+        .filter_map(|(k, force)| {
+            let force_n = (*force)?;
+            (reached(k) && reached(k + 1) && reached(k + 2)).then(|| PushPair {
+                k,
+                psi_roll_deg: psi_deg(k),
+                psi_roll_after_2_deg: psi_deg(k + 2),
+                force_n,
+            })
+        })
+        .collect();
+    let pairs: Vec<(f64, f64)> =
+        data.iter().map(|p| (p.psi_roll_deg, p.psi_roll_after_2_deg)).collect();
+    let line = match ReturnLine::fit(&pairs) {
+        Ok(line) => Some(line),
+        Err(AnalysisError::TooFewPairs { .. } | AnalysisError::NoSpread { .. }) => None,
+        Err(error) => return Err(LabError::Analysis(error)),
+    };
+    Ok(PushOutcome {
+        slope: line.map(|l| l.slope),
+        slope_std_error: line.map(|l| l.slope_std_error),
+        fixed_point_deg: line.and_then(|l| l.fixed_point().ok()),
+        falls: transitions.iter().filter(|t| t.end == StrideEnd::Fell).count(),
+        pairs: data.len(),
+        strides: config.strides,
+        force_n: config.force_n,
+        duration_s: config.duration_s,
+        data,
+    })
+}
