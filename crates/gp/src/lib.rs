@@ -1,6 +1,53 @@
 //! Gaussian-process regression on its own: kernels, posteriors, evidence, fitting and scores.
+//!
+//! # References
+//!
+//! - \[RW06\] C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine Learning*, MIT
+//!   Press, 2006.
+//! - \[MA09\] J. Morimoto and C. G. Atkeson, *Nonparametric representation of an approximated
+//!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009.
 
-/// What can go wrong when a Gaussian process is fitted or queried.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum GpError {}
+#![allow(
+    clippy::needless_range_loop,
+    reason = "formulas run over several arrays by one index, as on paper"
+)]
+#![allow(
+    clippy::neg_cmp_op_on_partial_ord,
+    reason = "`!(a < b)` is true of NaN, and that is meant"
+)]
+
+mod card;
+mod dense;
+mod error;
+mod evidence;
+mod fit;
+mod gp;
+mod hyper;
+mod kernel;
+mod mean;
+mod multi;
+mod online;
+mod optimize;
+mod options;
+mod panels;
+mod points;
+mod predict;
+mod sample;
+mod saved;
+mod scores;
+mod vector;
+
+pub use card::{Card, Warning};
+pub use error::{GpError, Result};
+pub use fit::{FitReport, StartReport};
+pub use gp::Gp;
+pub use hyper::Hyperparameters;
+pub use kernel::Kernel;
+pub use mean::Mean;
+pub use multi::{Draw, MultiGp};
+pub use optimize::Stop;
+pub use options::{Bounds, FitOptions, Prior, Priors, Range};
+pub use points::Points;
+pub use predict::{Prediction, Scratch};
+pub use sample::JointPrediction;
+pub use scores::{LeaveOneOut, LeaveOneOutScores, coverage};

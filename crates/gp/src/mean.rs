@@ -1,0 +1,109 @@
+//! The mean function: nothing, a constant, or a plane, with its coefficients integrated out.
+
+use serde::{Deserialize, Serialize};
+
+/// The prior mean of the process.
+///
+/// The coefficients `β` of a constant or linear mean have a vague (improper, flat) prior and are
+/// integrated out \[RW06, sec. 2.7\]. So their estimate is that of generalised least squares, the
+/// predictive variance includes their uncertainty, and the log marginal likelihood is that of
+/// \[RW06, eq. (2.45)\], which is not comparable with one of another mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Mean {
+    /// `m(x) = 0`, as in \[MA09, eq. (9)\].
+    #[default]
+    Zero,
+    /// `m(x) = β₀`.
+    Constant,
+    /// `m(x) = β₀ + Σ_d β_d x_d`.
+    Linear,
+}
+
+impl Mean {
+    /// Number of coefficients for `dims` inputs: 0, 1 or `1 + D`.
+    #[must_use]
+    pub fn coefficients(self, dims: usize) -> usize {
+        match self {
+            Self::Zero => 0,
+            Self::Constant => 1,
+            Self::Linear => 1 + dims,
+        }
+    }
+}
+
+/// Centre and spread of each input column: the frame in which distances and the linear mean are
+/// computed, so that neither a far origin nor unlike units cost digits.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Frame {
+    /// Mean of each column.
+    pub(crate) centre: Vec<f64>,
+    /// Standard deviation of each column, zero for a constant one.
+    pub(crate) spread: Vec<f64>,
+}
+
+impl Frame {
+    /// Frame of row-major `x` with `dims` columns.
+    pub(crate) fn of(x: &[f64], dims: usize) -> Self {
+        let points = (x.len() / dims) as f64;
+        let mut centre = vec![0.0; dims];
+        let mut spread = vec![0.0; dims];
+        for d in 0..dims {
+            let column = || x.iter().skip(d).step_by(dims);
+            let first = x[d];
+            // About the first entry: a column of equal numbers has exactly no spread.
+            let mean = first + column().map(|v| (v - first) / points).sum::<f64>();
+            let scale = column().fold(0.0_f64, |m, v| m.max((v - mean).abs()));
+            if scale > 0.0 {
+                let squares: f64 = column().map(|v| ((v - mean) / scale).powi(2)).sum();
+                spread[d] = scale * (squares / points).sqrt();
+            }
+            centre[d] = mean;
+        }
+        Self { centre, spread }
+    }
+
+    /// Basis of the linear mean at `x`: 1, then each input centred and in units of its spread.
+    pub(crate) fn basis(&self, mean: Mean, x: &[f64], out: &mut [f64]) {
+        if mean == Mean::Zero {
+            return;
+        }
+        out[0] = 1.0;
+        if mean == Mean::Linear {
+            for d in 0..x.len() {
+                out[1 + d] = (x[d] - self.centre[d]) / self.spread_or_one(d);
+            }
+        }
+    }
+
+    pub(crate) fn spread_or_one(&self, d: usize) -> f64 {
+        if self.spread[d] > 0.0 {
+            self.spread[d]
+        } else {
+            1.0
+        }
+    }
+
+    /// `log |det T|` of the change of basis to that in the user's units, `h_user = T h`.
+    pub(crate) fn log_det_to_user(&self, mean: Mean) -> f64 {
+        match mean {
+            Mean::Zero | Mean::Constant => 0.0,
+            Mean::Linear => (0..self.spread.len())
+                .map(|d| self.spread_or_one(d).ln())
+                .sum(),
+        }
+    }
+
+    /// Coefficients in the user's units from those in this frame.
+    pub(crate) fn to_user(&self, mean: Mean, beta: &[f64]) -> Vec<f64> {
+        let mut user = beta.to_vec();
+        if mean == Mean::Linear {
+            for d in 0..self.spread.len() {
+                user[1 + d] = beta[1 + d] / self.spread_or_one(d);
+                user[0] -= user[1 + d] * self.centre[d];
+            }
+        }
+        user
+    }
+}

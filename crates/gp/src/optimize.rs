@@ -1,0 +1,369 @@
+//! Minimisation in a box by a projected quasi-Newton method (BFGS on the inverse Hessian).
+//!
+//! Each step goes along `−H_ff g_f`, where `f` are the parameters that are not held at a bound,
+//! is projected onto the box, and is shortened until it satisfies the Armijo condition, or
+//! lengthened while the slope stays steep. The gradient is asked for only at accepted points.
+//!
+//! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer, 2006,
+//! secs. 3.5, 6.1, 16.7 (\[NW06\]).
+
+use serde::{Deserialize, Serialize};
+
+/// Sufficient decrease, as a share of the linear prediction [NW06, eq. (3.4)].
+const ARMIJO: f64 = 1e-4;
+/// A step is lengthened while the slope along it keeps more than this share [NW06, eq. (3.5)].
+const CURVATURE: f64 = 0.9;
+/// Largest change of a log parameter in one step: a factor of about 20.
+const LONGEST_STEP: f64 = 3.0;
+/// Largest change of a log parameter in the first step, taken without knowing the curvature.
+const FIRST_STEP: f64 = 1.0;
+/// Trial steps in one line search.
+const TRIALS: usize = 20;
+/// Distance from a bound, in logarithms, that counts as being at it.
+const AT_BOUND: f64 = 1e-10;
+
+/// Why a search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Stop {
+    /// A further step would gain less than the tolerance.
+    Converged,
+    /// No step along the search direction gains anything: rounding has the last word.
+    NoProgress,
+    /// The evaluations allowed were used up.
+    EvaluationLimit,
+    /// The covariance at the start is not positive definite.
+    BadStart,
+}
+
+/// A function to minimise; `None` where it has no value.
+pub(crate) trait Objective {
+    fn value(&mut self, theta: &[f64]) -> Option<f64>;
+    /// Gradient at the point of the last `value`.
+    fn gradient(&mut self, gradient: &mut [f64]);
+}
+
+/// Limits of a search.
+pub(crate) struct Limits<'a> {
+    pub(crate) lower: &'a [f64],
+    pub(crate) upper: &'a [f64],
+    pub(crate) max_evaluations: usize,
+    /// Expected gain below which the search has converged.
+    pub(crate) tolerance: f64,
+}
+
+/// Where a search ended.
+pub(crate) struct Outcome {
+    pub(crate) theta: Vec<f64>,
+    pub(crate) value: f64,
+    pub(crate) evaluations: usize,
+    pub(crate) stop: Stop,
+}
+
+/// Minimises `objective` from `start`, which is projected onto the box.
+pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &Limits) -> Outcome {
+    let size = start.len();
+    let project = |theta: &mut [f64]| {
+        for p in 0..size {
+            theta[p] = theta[p].clamp(limits.lower[p], limits.upper[p]);
+        }
+    };
+    let mut theta = start.to_vec();
+    project(&mut theta);
+    let mut evaluations = 1;
+    let Some(mut value) = objective.value(&theta) else {
+        return Outcome {
+            theta,
+            value: f64::INFINITY,
+            evaluations,
+            stop: Stop::BadStart,
+        };
+    };
+    let mut gradient = vec![0.0; size];
+    objective.gradient(&mut gradient);
+    let mut hessian = InverseHessian::new(size);
+    let mut direction = vec![0.0; size];
+    let mut trial = theta.clone();
+    let mut trial_gradient = gradient.clone();
+
+    loop {
+        let free: Vec<bool> = (0..size)
+            .map(|p| {
+                let low = theta[p] <= limits.lower[p] + AT_BOUND && gradient[p] > 0.0;
+                let high = theta[p] >= limits.upper[p] - AT_BOUND && gradient[p] < 0.0;
+                !(low || high) && limits.upper[p] > limits.lower[p]
+            })
+            .collect();
+        hessian.direction(&gradient, &free, &mut direction);
+        let mut slope = dot(&gradient, &direction);
+        if !(slope < 0.0) {
+            let fresh = hessian.is_fresh();
+            hessian.reset();
+            hessian.direction(&gradient, &free, &mut direction);
+            slope = dot(&gradient, &direction);
+            if fresh || !(slope < 0.0) {
+                return Outcome {
+                    theta,
+                    value,
+                    evaluations,
+                    stop: Stop::Converged,
+                };
+            }
+        }
+        let longest = direction.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+        if hessian.is_fresh() {
+            let steepest = gradient.iter().zip(&free).filter(|(_, free)| **free);
+            let steepest = steepest.fold(0.0_f64, |m, (g, _)| m.max(g.abs()));
+            // Nothing is known of the curvature yet: judge by the gradient.
+            if steepest * FIRST_STEP < limits.tolerance {
+                return Outcome {
+                    theta,
+                    value,
+                    evaluations,
+                    stop: Stop::Converged,
+                };
+            }
+        } else if -0.5 * slope < limits.tolerance {
+            return Outcome {
+                theta,
+                value,
+                evaluations,
+                stop: Stop::Converged,
+            };
+        }
+        let limit = if hessian.is_fresh() {
+            FIRST_STEP
+        } else {
+            LONGEST_STEP
+        };
+        let mut step = if hessian.is_fresh() {
+            limit / longest
+        } else {
+            (limit / longest).min(1.0)
+        };
+
+        // Line search: `good` is the best point that satisfies Armijo, `bad` the shortest that
+        // does not.
+        let mut good: Option<(f64, f64)> = None;
+        let mut bad = f64::INFINITY;
+        let mut best = theta.clone();
+        for _ in 0..TRIALS {
+            if evaluations >= limits.max_evaluations {
+                break;
+            }
+            for p in 0..size {
+                trial[p] = theta[p] + step * direction[p];
+            }
+            project(&mut trial);
+            let moved: f64 = (0..size).map(|p| gradient[p] * (trial[p] - theta[p])).sum();
+            evaluations += 1;
+            let found = objective.value(&trial).filter(|found| found.is_finite());
+            match found {
+                Some(found)
+                    if found <= value + ARMIJO * moved
+                        && good.is_none_or(|(_, before)| found < before) =>
+                {
+                    objective.gradient(&mut trial_gradient);
+                    let along = dot(&trial_gradient, &direction);
+                    good = Some((step, found));
+                    best.copy_from_slice(&trial);
+                    let longer = if bad.is_finite() {
+                        0.5 * (step + bad)
+                    } else {
+                        2.5 * step
+                    };
+                    let steep = along < CURVATURE * slope;
+                    if !steep || longest * longer > 2.0 * LONGEST_STEP || bad < 1.5 * step {
+                        break;
+                    }
+                    step = longer;
+                }
+                _ if good.is_some() => {
+                    // The longer step was no better. Its predecessor stands, but the objective
+                    // must hold that point's intermediate results no more: nothing reads them.
+                    break;
+                }
+                _ => {
+                    bad = step;
+                    // Minimum of the parabola through value, slope and the failed trial.
+                    let shorter = found.map_or(0.25, |found| {
+                        let curvature = found - value - slope * step;
+                        if curvature > 0.0 {
+                            -0.5 * slope * step / curvature
+                        } else {
+                            0.25
+                        }
+                    });
+                    step *= shorter.clamp(0.1, 0.5);
+                }
+            }
+        }
+        let Some((_, found)) = good else {
+            let stop = if evaluations >= limits.max_evaluations {
+                Stop::EvaluationLimit
+            } else if !hessian.is_fresh() {
+                hessian.reset();
+                continue;
+            } else {
+                Stop::NoProgress
+            };
+            return Outcome {
+                theta,
+                value,
+                evaluations,
+                stop,
+            };
+        };
+        hessian.update(&theta, &best, &gradient, &trial_gradient);
+        theta.copy_from_slice(&best);
+        gradient.copy_from_slice(&trial_gradient);
+        value = found;
+        if evaluations >= limits.max_evaluations {
+            return Outcome {
+                theta,
+                value,
+                evaluations,
+                stop: Stop::EvaluationLimit,
+            };
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// BFGS approximation of the inverse Hessian [NW06, eq. (6.17)], row-major and dense.
+struct InverseHessian {
+    size: usize,
+    h: Vec<f64>,
+    fresh: bool,
+}
+
+impl InverseHessian {
+    fn new(size: usize) -> Self {
+        let mut this = Self {
+            size,
+            h: vec![0.0; size * size],
+            fresh: true,
+        };
+        this.reset();
+        this
+    }
+
+    /// Whether no curvature has been seen since the last reset.
+    fn is_fresh(&self) -> bool {
+        self.fresh
+    }
+
+    fn reset(&mut self) {
+        self.h.fill(0.0);
+        for p in 0..self.size {
+            self.h[p * self.size + p] = 1.0;
+        }
+        self.fresh = true;
+    }
+
+    /// `direction = −H_ff g_f`, zero where not free.
+    fn direction(&self, gradient: &[f64], free: &[bool], direction: &mut [f64]) {
+        for p in 0..self.size {
+            direction[p] = 0.0;
+            if free[p] {
+                let row = &self.h[p * self.size..(p + 1) * self.size];
+                let masked = row.iter().zip(gradient).zip(free);
+                direction[p] = -masked
+                    .map(|((h, g), free)| if *free { h * g } else { 0.0 })
+                    .sum::<f64>();
+            }
+        }
+    }
+
+    /// Takes in one step from `theta` to `next`; a step along which the gradient does not grow
+    /// says nothing of a minimum and is left out.
+    fn update(&mut self, theta: &[f64], next: &[f64], gradient: &[f64], next_gradient: &[f64]) {
+        let size = self.size;
+        let s: Vec<f64> = next.iter().zip(theta).map(|(a, b)| a - b).collect();
+        let y: Vec<f64> = next_gradient
+            .iter()
+            .zip(gradient)
+            .map(|(a, b)| a - b)
+            .collect();
+        let (sy, yy, ss) = (dot(&s, &y), dot(&y, &y), dot(&s, &s));
+        if !(sy > 1e-10 * (ss * yy).sqrt() && sy > 0.0) {
+            return;
+        }
+        if self.fresh {
+            // [NW06, eq. (6.20)]
+            for p in 0..size {
+                self.h[p * size + p] = sy / yy;
+            }
+            self.fresh = false;
+        }
+        let hy: Vec<f64> = (0..size)
+            .map(|p| dot(&self.h[p * size..(p + 1) * size], &y))
+            .collect();
+        let factor = (1.0 + dot(&y, &hy) / sy) / sy;
+        for p in 0..size {
+            let row = &mut self.h[p * size..(p + 1) * size];
+            for q in 0..size {
+                row[q] += factor * s[p] * s[q] - (s[p] * hy[q] + hy[p] * s[q]) / sy;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Rosenbrock([f64; 2]);
+    impl Objective for Rosenbrock {
+        fn value(&mut self, t: &[f64]) -> Option<f64> {
+            self.0 = [t[0], t[1]];
+            // No value left of −1.5.
+            (t[0] > -1.5).then(|| (1.0 - t[0]).powi(2) + 100.0 * (t[1] - t[0] * t[0]).powi(2))
+        }
+        fn gradient(&mut self, g: &mut [f64]) {
+            let [a, b] = self.0;
+            g[0] = -2.0 * (1.0 - a) - 400.0 * a * (b - a * a);
+            g[1] = 200.0 * (b - a * a);
+        }
+    }
+
+    fn run(lower: [f64; 2], upper: [f64; 2]) -> Outcome {
+        let limits = Limits {
+            lower: &lower,
+            upper: &upper,
+            max_evaluations: 300,
+            tolerance: 1e-14,
+        };
+        minimize(&mut Rosenbrock([0.0; 2]), &[-1.2, 1.0], &limits)
+    }
+
+    #[test]
+    fn the_valley_of_rosenbrock_is_walked_to_its_end() {
+        let outcome = run([-5.0; 2], [5.0; 2]);
+        assert_eq!(outcome.stop, Stop::Converged);
+        assert!((outcome.theta[0] - 1.0).abs() < 1e-5, "{:?}", outcome.theta);
+    }
+
+    #[test]
+    fn a_minimum_on_the_boundary_is_found() {
+        // With a ≤ 0.5 the minimum is at (0.5, 0.25).
+        let outcome = run([-5.0; 2], [0.5, 5.0]);
+        assert!((outcome.theta[0] - 0.5).abs() < 1e-12 && (outcome.theta[1] - 0.25).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_start_without_value_is_told() {
+        let limits = Limits {
+            lower: &[-5.0; 2],
+            upper: &[5.0; 2],
+            max_evaluations: 10,
+            tolerance: 1e-9,
+        };
+        let outcome = minimize(&mut Rosenbrock([0.0; 2]), &[-2.0, 1.0], &limits);
+        assert_eq!(outcome.stop, Stop::BadStart);
+    }
+}
