@@ -87,6 +87,8 @@ mod variant;
 mod words;
 mod write;
 
+#[cfg(test)]
+mod tests;
 
 pub use document::Document;
 pub use error::{ConfigError, Problem};
