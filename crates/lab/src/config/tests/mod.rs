@@ -2,6 +2,8 @@
 
 mod layers;
 mod messages;
+mod properties;
+mod round_trip;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
