@@ -181,6 +181,12 @@ impl ConfigError {
         self
     }
 
+    /// Several levels up.
+    pub(super) fn below(self, path: &KeyPath) -> Self {
+        let keys = path.segments().iter().rev();
+        keys.fold(self, |error, key| error.inside(key))
+    }
+
     /// Gives a fault that has no place yet its place at or below `node`.
     ///
     /// Serde's own buffers (internally tagged and untagged enums) drop positions. What is left is

@@ -72,8 +72,7 @@ pub(super) fn set(root: &mut Node, argument: &str) -> Result<(), ConfigError> {
     if path.segments().len() > MAX_DEPTH {
         return Err(fault("the key is too long"));
     }
-    let value = parse::set_value(&source, value)
-        .map_err(|error| path.segments().iter().rev().fold(error, |e, s| e.inside(s)))?;
+    let value = parse::set_value(&source, &path, value)?;
     put(root, &path, 0, value, &origin)
 }
 

@@ -21,11 +21,15 @@ pub(super) fn document(source: &Arc<Source>, text: &str) -> Result<Node, ConfigE
     })
 }
 
-/// Reads the value of a `--set`.
+/// Reads the value that a `--set` gives to the key at `path`.
 ///
 /// What is not a TOML value is a string without its quotes, `--set map.sample=full`, unless it
 /// opens as a quoted string, an array or a table does: then a closing mark was forgotten.
-pub(super) fn set_value(source: &Arc<Source>, text: &str) -> Result<Node, ConfigError> {
+pub(super) fn set_value(
+    source: &Arc<Source>,
+    path: &KeyPath,
+    text: &str,
+) -> Result<Node, ConfigError> {
     let text = text.trim();
     let places = Places {
         source,
@@ -37,8 +41,10 @@ pub(super) fn set_value(source: &Arc<Source>, text: &str) -> Result<Node, Config
     };
     match DeValue::parse(text) {
         Ok(value) if value.get_ref().is_datetime() => Ok(bare(text)),
-        Ok(value) => places.value(value, &mut Vec::new()),
-        Err(error) if text.starts_with(['"', '\'', '[', '{']) => Err(places.syntax(&error)),
+        Ok(value) => places.value(value, &mut path.segments().to_vec()),
+        Err(error) if text.starts_with(['"', '\'', '[', '{']) => {
+            Err(places.syntax(&error).below(path))
+        }
         Err(_) => Ok(bare(text)),
     }
 }

@@ -142,7 +142,41 @@ fn deep_nesting_is_an_error() {
             assert!(Document::parse("a.toml", &text).is_err());
         }
         let tasks = [("task", "")];
-        let set = [format!("{dotted}=1")];
-        assert!(Document::load("task", &set, files(&tasks)).is_err());
+        for value in ["1", "bare"] {
+            let set = [format!("{dotted}={value}")];
+            assert!(Document::load("task", &set, files(&tasks)).is_err());
+        }
     }
+}
+
+/// What is just shallow enough to be read can be written and read again.
+#[test]
+fn the_deepest_document_round_trips() {
+    let depth = (1..100).take_while(|&depth| nested(depth).iter().all(Result::is_ok));
+    assert_eq!(depth.last(), Some(62));
+    assert!(nested(63).iter().any(Result::is_err));
+    for document in nested(62) {
+        let document = document.unwrap();
+        let again = Document::parse("again", &document.to_toml()).unwrap();
+        assert!(again.root().same_value(document.root()));
+    }
+}
+
+fn nested(depth: usize) -> Vec<Result<Document, ConfigError>> {
+    let dotted = vec!["a"; depth].join(".");
+    let half = depth / 2;
+    let deep = "[".repeat(half) + &"]".repeat(half);
+    let set = [format!("{}={deep}", vec!["a"; depth - half].join("."))];
+    let texts = [
+        format!("{dotted} = 1"),
+        format!("[{dotted}]"),
+        format!("[[{dotted}]]\nb = 1"),
+        format!("x = {}{}", "[".repeat(depth), "]".repeat(depth)),
+        format!("x = {}1{}", "{a=".repeat(depth), "}".repeat(depth)),
+    ];
+    let parsed = texts.iter().map(|text| Document::parse("a.toml", text));
+    let tasks = [("task", "")];
+    parsed
+        .chain([Document::load("task", &set, files(&tasks))])
+        .collect()
 }
