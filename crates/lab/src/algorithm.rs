@@ -12,9 +12,8 @@
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use stridemap_learn::{ActorCritic, ConstantPolicy, Learner, Policy, SavedPolicy, TrialSummary};
-use stridemap_returnmap::{LearnedMap, MapSample};
-use stridemap_returnmap::{StrideEnd, StrideProcess};
+use stridemap_learn::{ActorCritic, ConstantPolicy, Learner, SavedPolicy, TrialSummary};
+use stridemap_returnmap::{LearnedMap, MapSample, MapWorld, StateReward, StrideEnd, StrideProcess};
 
 use crate::error::LabError;
 use crate::plant::{Plant, PlantCounters};
@@ -89,7 +88,8 @@ impl Progress {
             Some((_, most)) if most >= reward => best,
             _ => Some((i, reward)),
         });
-        best.map(|(i, _)| i).or_else(|| self.policies.len().checked_sub(1))
+        best.map(|(i, _)| i)
+            .or_else(|| self.policies.len().checked_sub(1))
     }
 
     /// The best policy.
@@ -187,7 +187,12 @@ impl<'a> Algorithm<'a> {
     ///
     /// [`LabError`] if the robot or the gait cannot be built.
     pub fn resume(task: &'a Task, seed: u64, progress: Progress) -> Result<Self, LabError> {
-        Ok(Self { task, seed, plant: task.plant()?, progress })
+        Ok(Self {
+            task,
+            seed,
+            plant: task.plant()?,
+            progress,
+        })
     }
 
     /// The robot.
@@ -201,8 +206,16 @@ impl<'a> Algorithm<'a> {
     ///
     /// [`LabError::Learn`] if it cannot be built.
     pub fn nominal_policy(&self) -> Result<SavedPolicy, LabError> {
-        let neutral: Vec<f64> = self.task.action_limits()?.iter().map(|l| l.neutral).collect();
-        Ok(SavedPolicy::Constant(ConstantPolicy::new(self.plant.spec().clone(), &neutral)?))
+        let neutral: Vec<f64> = self
+            .task
+            .action_limits()?
+            .iter()
+            .map(|l| l.neutral)
+            .collect();
+        Ok(SavedPolicy::Constant(ConstantPolicy::new(
+            self.plant.spec().clone(),
+            &neutral,
+        )?))
     }
 
     /// Runs every phase that is still missing.
@@ -233,7 +246,10 @@ impl<'a> Algorithm<'a> {
     /// Step 5: whether the loop has ended. An iteration that is not complete is completed first.
     fn is_finished(&self) -> bool {
         let progress = &self.progress;
-        let complete = progress.iterations.last().is_none_or(|last| last.record.is_some());
+        let complete = progress
+            .iterations
+            .last()
+            .is_none_or(|last| last.record.is_some());
         if !complete {
             return false;
         }
@@ -352,13 +368,19 @@ impl<'a> Algorithm<'a> {
     ) -> Result<(), LabError> {
         let iteration = self.progress.policies.len() + 1;
         let started = Instant::now();
-        let initial = if self.task.learner.warm_start { self.progress.policies.last() } else { None };
+        let initial = if self.task.learner.warm_start {
+            self.progress.policies.last()
+        } else {
+            None
+        };
         let mut rng = stream(self.seed, Role::Improve, iteration as u64);
         let mut process = map.clone();
         let mut written: Result<(), LabError> = Ok(());
         let outcome = match self.task.learner.kind {
             LearnerKind::ActorCritic => {
-                let mut learner = ActorCritic::new(self.task.learner.actor_critic.clone())?;
+                let mut learner = ActorCritic {
+                    config: self.task.learner.actor_critic.clone(),
+                };
                 learner.improve(&mut process, initial, &mut rng, &mut |report| {
                     if written.is_ok() {
                         written = recorder.trial(iteration, report.summary);
@@ -394,8 +416,12 @@ impl<'a> Algorithm<'a> {
             StrideRole::Evaluation
         };
         let (strides, discard) = (config.evaluation_strides, config.evaluation_discard);
-        let batch =
-            Batch { iteration: index + 1, phase: StridePhase::Evaluate, role, strides };
+        let batch = Batch {
+            iteration: index + 1,
+            phase: StridePhase::Evaluate,
+            role,
+            strides,
+        };
         let (transitions, counted) = self.strides_on_robot(
             Some(&policy),
             batch,
@@ -462,8 +488,13 @@ impl<'a> Algorithm<'a> {
         let Some(policy) = self.progress.best_policy().cloned() else {
             return Ok(());
         };
-        let performance =
-            self.measure(&policy, "final", self.task.record.strides, u64::from(u32::MAX), recorder)?;
+        let performance = self.measure(
+            &policy,
+            "final",
+            self.task.record.strides,
+            u64::from(u32::MAX),
+            recorder,
+        )?;
         self.progress.final_performance = Some(performance);
         recorder.checkpoint(Phase::Final, &self.progress)
     }
@@ -494,25 +525,27 @@ pub fn fit_map(
         })
         .collect();
     if samples.len() < FEWEST {
-        return Err(LabError::TooFewStrides { found: samples.len(), needed: FEWEST });
+        return Err(LabError::TooFewStrides {
+            found: samples.len(),
+            needed: FEWEST,
+        });
     }
     let mut rng = stream(seed, Role::Fit, iteration as u64);
     let (terms, components) = (task.reward.clone(), task.state.clone());
     let from_state = reward_of_state(&terms, &components, &samples[0].state).is_some();
-    let world = stridemap_returnmap::MapWorld {
+    let world = MapWorld {
         spec: task.process_spec()?,
         limits: task.action_limits()?,
         failure: task.map_failure(),
         reward: from_state.then(|| {
             let f = move |x: &[f64]| reward_of_state(&terms, &components, x).unwrap_or(0.0);
-            std::sync::Arc::new(f) as stridemap_returnmap::StateReward
+            std::sync::Arc::new(f) as StateReward
         }),
     };
-    Ok(LearnedMap::fit(task.map.clone(), world, &samples, &mut rng)?)
-}
-
-/// The mean and standard deviation of a policy along a line of states, for tables and figures.
-#[must_use]
-pub fn policy_along(policy: &dyn Policy, states: &[f64]) -> Vec<(f64, f64)> {
-    states.iter().map(|x| (policy.mean(&[*x])[0], policy.std(&[*x])[0])).collect()
+    Ok(LearnedMap::fit(
+        task.map.clone(),
+        world,
+        &samples,
+        &mut rng,
+    )?)
 }

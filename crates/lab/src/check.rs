@@ -59,7 +59,11 @@ pub struct CheckReport {
 impl CheckReport {
     fn item(&mut self, what: &str, ok: bool, found: String) -> bool {
         self.ok &= ok;
-        self.items.push(CheckItem { what: what.into(), ok, found });
+        self.items.push(CheckItem {
+            what: what.into(),
+            ok,
+            found,
+        });
         ok
     }
 }
@@ -71,8 +75,12 @@ impl CheckReport {
 ///
 /// [`LabError`] if the robot cannot be built or driven; that it does not walk is an answer.
 pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
-    let mut report =
-        CheckReport { ok: true, items: Vec::new(), joints: Vec::new(), gains: Vec::new() };
+    let mut report = CheckReport {
+        ok: true,
+        items: Vec::new(),
+        joints: Vec::new(),
+        gains: Vec::new(),
+    };
 
     let mut robot = MujocoRobot::new(task.robot.clone())?;
     report.joints = robot.joint_report()?;
@@ -81,7 +89,12 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         .iter()
         .filter_map(|j| {
             let problem = j.problem.as_ref()?;
-            Some(format!("{:?} {} ({}): {problem}", j.side, j.joint.name(), j.model_joint))
+            Some(format!(
+                "{:?} {} ({}): {problem}",
+                j.side,
+                j.joint.name(),
+                j.model_joint
+            ))
         })
         .collect();
     let found = if problems.is_empty() {
@@ -100,11 +113,19 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
     }
     let state = robot.state();
     let weight_n = robot.description().mass_kg
-        * robot.provenance().gravity_m_s2.iter().map(|g| g * g).sum::<f64>().sqrt();
+        * robot
+            .provenance()
+            .gravity_m_s2
+            .iter()
+            .map(|g| g * g)
+            .sum::<f64>()
+            .sqrt();
     let carried_n: f64 = state.feet.iter().map(|f| f.load_n).sum();
     let stands = state.base.tilt_rad().to_degrees() < task.failure.tilt_above_deg
         && (carried_n - weight_n).abs() < 0.1 * weight_n
-        && Side::BOTH.iter().all(|side| state.foot(*side).load_n > 0.2 * weight_n);
+        && Side::BOTH
+            .iter()
+            .all(|side| state.foot(*side).load_n > 0.2 * weight_n);
     let found = format!(
         "after {stand_s} s at rest: feet carry {:.0} + {:.0} N of {weight_n:.0} N, tilt {:.1} deg",
         state.foot(Side::Left).load_n,
@@ -127,7 +148,11 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
 fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<bool, LabError> {
     let mut plant = task.plant()?;
     let neutral = ExploreConfig {
-        center: task.action_limits()?.iter().map(|l| [l.neutral; 2]).collect(),
+        center: task
+            .action_limits()?
+            .iter()
+            .map(|l| [l.neutral; 2])
+            .collect(),
         std: vec![0.0; task.action.len()],
         hold: 1,
     };
@@ -158,7 +183,10 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
             }
             // Enough is seen: leave the batch, which is no error here.
             if fallen.is_some() || t.time_s >= NOMINAL_S {
-                return Err(LabError::TooFewStrides { found: strides, needed: 0 });
+                return Err(LabError::TooFewStrides {
+                    found: strides,
+                    needed: 0,
+                });
             }
             Ok(())
         },
@@ -199,7 +227,10 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
             .iter()
             .map(|l| {
                 let half = 0.5 * EXCITED_SHARE * (l.upper - l.lower);
-                [(l.neutral - half).max(l.lower), (l.neutral + half).min(l.upper)]
+                [
+                    (l.neutral - half).max(l.lower),
+                    (l.neutral + half).min(l.upper),
+                ]
             })
             .collect(),
         std: vec![0.0; limits.len()],
@@ -220,12 +251,22 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
         &mut |_, _| {},
         &mut |_| Ok(()),
     )?;
-    let falls = transitions.iter().filter(|t| t.end != StrideEnd::Crossing).count();
-    let rows: Vec<_> = transitions.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
+    let falls = transitions
+        .iter()
+        .filter(|t| t.end != StrideEnd::Crossing)
+        .count();
+    let rows: Vec<_> = transitions
+        .iter()
+        .filter(|t| t.end == StrideEnd::Crossing)
+        .collect();
     let (n, states, actions) = (rows.len(), task.state.len(), task.action.len());
     let columns = 1 + states + actions;
     if n <= columns + 2 {
-        report.item("section map", false, format!("{falls} falls in {EXCITED_STRIDES} strides"));
+        report.item(
+            "section map",
+            false,
+            format!("{falls} falls in {EXCITED_STRIDES} strides"),
+        );
         return Ok(());
     }
     let design = DMatrix::from_fn(n, columns, |i, j| match j {
@@ -267,7 +308,10 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
     let found = if weak.is_empty() {
         format!("every action moves the next state; {falls} falls in {EXCITED_STRIDES} strides")
     } else {
-        format!("no effect seen of {}; widen the bounds or choose another", weak.join(", "))
+        format!(
+            "no effect seen of {}; widen the bounds or choose another",
+            weak.join(", ")
+        )
     };
     report.item("section map", weak.is_empty(), found);
     Ok(())

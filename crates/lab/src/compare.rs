@@ -3,9 +3,9 @@
 
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
-use stridemap_returnmap::{StrideProcess, State};
 use statrs::distribution::{ContinuousCDF, StudentsT};
+use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
+use stridemap_returnmap::{State, StrideProcess};
 
 use crate::algorithm::{Algorithm, Iteration, Phase, Progress, Recorder};
 use crate::error::LabError;
@@ -40,9 +40,16 @@ impl Spread {
     #[must_use]
     pub fn of(values: &[f64]) -> Self {
         let n = values.len() as f64;
-        let mean = if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / n };
+        let mean = if values.is_empty() {
+            0.0
+        } else {
+            values.iter().sum::<f64>() / n
+        };
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        Self { mean, sd: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()) }
+        Self {
+            mean,
+            sd: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()),
+        }
     }
 }
 
@@ -141,7 +148,9 @@ fn measure(
         let mut rng = stream(seed, Role::Compare, trial as u64);
         let source = ActionSource::Sample(policy, &no_noise);
         let transitions =
-            make_strides(plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
+            make_strides(plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| {
+                Ok(())
+            })?;
         rewards.push(Performance::of(&transitions, 0).mean_reward);
     }
     Ok(rewards)
@@ -157,8 +166,16 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
     let mut algorithm = Algorithm::new(task, seed)?;
     algorithm.collect(&mut Forget)?;
     let mut map = algorithm.fit(&mut Forget)?;
-    let Iteration { strides: gp_strides, falls: gp_falls, .. } =
-        algorithm.progress.iterations.first().cloned().unwrap_or_default();
+    let Iteration {
+        strides: gp_strides,
+        falls: gp_falls,
+        ..
+    } = algorithm
+        .progress
+        .iterations
+        .first()
+        .cloned()
+        .unwrap_or_default();
     let in_map = frozen_policies(task, &mut map, &mut stream(seed, Role::Improve, 1))?;
 
     let plant = algorithm.plant_mut();
@@ -169,10 +186,13 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
     let gp = measure(task, plant, &in_map, seed)?;
     let full = measure(task, plant, &on_robot, seed)?;
     let last = |policies: &[GaussianPolicy]| {
-        policies.last().map(KeptPolicy::to_saved).ok_or(LabError::TooFewStrides {
-            found: 0,
-            needed: 1,
-        })
+        policies
+            .last()
+            .map(KeptPolicy::to_saved)
+            .ok_or(LabError::TooFewStrides {
+                found: 0,
+                needed: 1,
+            })
     };
     Ok(CompareSeed {
         seed,
@@ -180,7 +200,12 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
         full,
         gp_policy: last(&in_map)?,
         full_policy: last(&on_robot)?,
-        states: algorithm.progress.transitions.iter().map(|t| t.state.clone()).collect(),
+        states: algorithm
+            .progress
+            .transitions
+            .iter()
+            .map(|t| t.state.clone())
+            .collect(),
         gp_strides,
         full_strides: counted.strides,
         gp_falls,
@@ -191,7 +216,11 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
 /// The two learning curves over seeds.
 #[must_use]
 pub fn learning_curves(seeds: &[CompareSeed]) -> Vec<ComparePoint> {
-    let trials = seeds.iter().map(|s| s.gp.len().min(s.full.len())).min().unwrap_or(0);
+    let trials = seeds
+        .iter()
+        .map(|s| s.gp.len().min(s.full.len()))
+        .min()
+        .unwrap_or(0);
     (0..trials)
         .map(|trial| {
             let gp: Vec<f64> = seeds.iter().map(|s| s.gp[trial]).collect();
@@ -220,8 +249,16 @@ pub fn learning_curves(seeds: &[CompareSeed]) -> Vec<ComparePoint> {
 /// ```
 #[must_use]
 pub fn students_t(a: &[f64], b: &[f64]) -> Option<f64> {
-    let (Spread { mean: mean_a, sd: sd_a }, Spread { mean: mean_b, sd: sd_b }) =
-        (Spread::of(a), Spread::of(b));
+    let (
+        Spread {
+            mean: mean_a,
+            sd: sd_a,
+        },
+        Spread {
+            mean: mean_b,
+            sd: sd_b,
+        },
+    ) = (Spread::of(a), Spread::of(b));
     let (n, m) = (a.len() as f64, b.len() as f64);
     let degrees = n + m - 2.0;
     let pooled = ((n - 1.0) * sd_a?.powi(2) + (m - 1.0) * sd_b?.powi(2)) / degrees;

@@ -6,6 +6,7 @@ use stridemap_gait::GaitError;
 use stridemap_learn::LearnError;
 use stridemap_mujoco::MujocoError;
 use stridemap_returnmap::{AnalysisError, ProcessError};
+use stridemap_robot::RobotError;
 use stridemap_section::SectionError;
 
 use crate::config::ConfigError;
@@ -49,6 +50,9 @@ pub enum LabError {
     /// The simulated robot refuses.
     #[error("robot: {0}")]
     Mujoco(#[from] MujocoError),
+    /// The robot refuses or fails outside of a stride.
+    #[error("robot: {0}")]
+    Robot(#[from] RobotError),
     /// A process refuses or fails.
     #[error(transparent)]
     Process(#[from] ProcessError),

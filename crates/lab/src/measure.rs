@@ -38,7 +38,11 @@ impl StrideMeasures {
     /// Forward speed of the stride.
     #[must_use]
     pub fn speed_m_s(&self) -> f64 {
-        if self.duration_s > 0.0 { self.forward_m / self.duration_s } else { 0.0 }
+        if self.duration_s > 0.0 {
+            self.forward_m / self.duration_s
+        } else {
+            0.0
+        }
     }
 
     /// Energy over weight and forward way; infinite in place.
@@ -71,7 +75,11 @@ struct Instant {
 impl Instant {
     fn of(state: &RobotState) -> Self {
         let [x, y, _] = state.com.position_m;
-        Self { time_s: state.time_s, com_m: [x, y], heading_rad: state.base.heading_rad() }
+        Self {
+            time_s: state.time_s,
+            com_m: [x, y],
+            heading_rad: state.base.heading_rad(),
+        }
     }
 }
 
@@ -129,13 +137,20 @@ impl StrideMeter {
     #[must_use]
     pub fn measures(&self, state: &RobotState, at_end: Option<&Pendulum>) -> StrideMeasures {
         let now = Instant::of(state);
-        let [dx, dy] = [now.com_m[0] - self.start.com_m[0], now.com_m[1] - self.start.com_m[1]];
+        let [dx, dy] = [
+            now.com_m[0] - self.start.com_m[0],
+            now.com_m[1] - self.start.com_m[1],
+        ];
         let (sin, cos) = self.first_heading_rad.sin_cos();
         let turn_rad = now.heading_rad - self.start.heading_rad;
         let half_turn = std::f64::consts::PI;
         let turn_rad = (turn_rad + half_turn).rem_euclid(2.0 * half_turn) - half_turn;
         let per_elapsed = |integral: f64| {
-            if self.elapsed_s > 0.0 { integral / self.elapsed_s } else { 0.0 }
+            if self.elapsed_s > 0.0 {
+                integral / self.elapsed_s
+            } else {
+                0.0
+            }
         };
         StrideMeasures {
             duration_s: now.time_s - self.start.time_s,

@@ -246,7 +246,10 @@ impl Plant {
     /// Starts a pending push when the stance changes, and ends one whose time is over.
     fn update_push(&mut self, stance_before: Option<Side>) -> Result<(), RobotError> {
         let now_s = self.robot_time_s();
-        if self.push_until_s.is_some_and(|until_s| now_s >= until_s - 1e-9) {
+        if self
+            .push_until_s
+            .is_some_and(|until_s| now_s >= until_s - 1e-9)
+        {
             self.push_until_s = None;
             self.push_force_n = None;
             self.robot.set_push([0.0; 3])?;
@@ -293,7 +296,11 @@ impl Plant {
     }
 
     fn state_of(&self, measures: &StrideMeasures) -> State {
-        self.task.state.iter().map(|component| component.of(measures)).collect()
+        self.task
+            .state
+            .iter()
+            .map(|component| component.of(measures))
+            .collect()
     }
 
     fn count_end(&mut self, end: StrideEnd) {
@@ -328,8 +335,9 @@ impl Plant {
                         continue;
                     }
                     self.meter.begin_episode(self.robot.state());
-                    let measures =
-                        self.meter.measures(self.robot.state(), Some(&crossing.pendulum));
+                    let measures = self
+                        .meter
+                        .measures(self.robot.state(), Some(&crossing.pendulum));
                     return Ok(Some(self.state_of(&measures)));
                 }
                 Outcome::Fell => {
@@ -374,7 +382,9 @@ impl StrideProcess for Plant {
         }
         let action = self.law.apply(action)?;
         for (component, value) in self.task.action.iter().zip(&action) {
-            self.gait.modulate(component.modulation, *value).map_err(world)?;
+            self.gait
+                .modulate(component.modulation, *value)
+                .map_err(world)?;
         }
         self.meter.begin_stride(self.robot.state());
         self.counters.strides += 1;

@@ -96,7 +96,10 @@ pub fn push(
             let push = index >= SETTLE && (index - SETTLE).is_multiple_of(EVERY);
             let left_n = push.then(|| config.force_n * (2.0 * forces.random::<f64>() - 1.0));
             if let Some(left_n) = left_n {
-                plant.push_in_next_stride(Push { left_n, duration_s: config.duration_s });
+                plant.push_in_next_stride(Push {
+                    left_n,
+                    duration_s: config.duration_s,
+                });
             }
             pushed.truncate(index); // an aborted stride is asked for again
             pushed.push(left_n);
@@ -105,7 +108,11 @@ pub fn push(
     )?;
 
     let psi_deg = |i: usize| transitions[i].measures.psi_roll_deg;
-    let reached = |i: usize| transitions.get(i).is_some_and(|t| t.end == StrideEnd::Crossing);
+    let reached = |i: usize| {
+        transitions
+            .get(i)
+            .is_some_and(|t| t.end == StrideEnd::Crossing)
+    };
     let data: Vec<PushPair> = pushed
         .iter()
         .enumerate()
@@ -119,8 +126,10 @@ pub fn push(
             })
         })
         .collect();
-    let pairs: Vec<(f64, f64)> =
-        data.iter().map(|p| (p.psi_roll_deg, p.psi_roll_after_2_deg)).collect();
+    let pairs: Vec<(f64, f64)> = data
+        .iter()
+        .map(|p| (p.psi_roll_deg, p.psi_roll_after_2_deg))
+        .collect();
     let line = match ReturnLine::fit(&pairs) {
         Ok(line) => Some(line),
         Err(AnalysisError::TooFewPairs { .. } | AnalysisError::NoSpread { .. }) => None,
@@ -130,7 +139,10 @@ pub fn push(
         slope: line.map(|l| l.slope),
         slope_std_error: line.map(|l| l.slope_std_error),
         fixed_point_deg: line.and_then(|l| l.fixed_point().ok()),
-        falls: transitions.iter().filter(|t| t.end == StrideEnd::Fell).count(),
+        falls: transitions
+            .iter()
+            .filter(|t| t.end == StrideEnd::Fell)
+            .count(),
         pairs: data.len(),
         strides: config.strides,
         force_n: config.force_n,

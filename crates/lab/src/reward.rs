@@ -146,6 +146,9 @@ pub fn reward_of_state(
     }
     terms
         .iter()
-        .all(|term| term.determined_by().is_some_and(|c| components.contains(&c)))
+        .all(|term| {
+            term.determined_by()
+                .is_some_and(|c| components.contains(&c))
+        })
         .then(|| reward(terms, &measures))
 }

@@ -113,11 +113,15 @@ struct Actor<'a> {
 
 impl<'a> Actor<'a> {
     fn new(source: &'a ActionSource<'a>) -> Self {
-        Self { source, center: Vec::new(), strides_at_center: 0 }
+        Self {
+            source,
+            center: Vec::new(),
+            strides_at_center: 0,
+        }
     }
 
     fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
-        let mut normal = |std: f64, rng: &mut ChaCha8Rng| {
+        let normal = |std: f64, rng: &mut ChaCha8Rng| {
             let z: f64 = StandardNormal.sample(rng);
             std * z
         };
@@ -125,7 +129,11 @@ impl<'a> Actor<'a> {
             ActionSource::Mean(policy) => policy.mean(state),
             ActionSource::Sample(policy, noise) => {
                 let drawn = policy.sample(state, rng);
-                drawn.iter().zip(*noise).map(|(u, std)| u + normal(*std, rng)).collect()
+                drawn
+                    .iter()
+                    .zip(*noise)
+                    .map(|(u, std)| u + normal(*std, rng))
+                    .collect()
             }
             ActionSource::Explore(explore) => {
                 if self.strides_at_center == 0 {
@@ -137,7 +145,9 @@ impl<'a> Actor<'a> {
                 }
                 self.strides_at_center = (self.strides_at_center + 1) % explore.hold;
                 let explored = self.center.iter().zip(&explore.std);
-                explored.map(|(center, std)| center + normal(*std, rng)).collect()
+                explored
+                    .map(|(center, std)| center + normal(*std, rng))
+                    .collect()
             }
         }
     }
@@ -217,7 +227,10 @@ pub fn make_strides(
         if transition.end == StrideEnd::Aborted {
             aborts += 1;
             if aborts == ABORTS_IN_A_ROW {
-                let reason = plant.abort_reason().map(ToString::to_string).unwrap_or_default();
+                let reason = plant
+                    .abort_reason()
+                    .map(ToString::to_string)
+                    .unwrap_or_default();
                 return Err(LabError::Equipment { aborts, reason });
             }
         } else {
@@ -258,7 +271,11 @@ impl Performance {
         let kept = transitions.get(discard..).unwrap_or(&[]);
         let mean = |values: &mut dyn Iterator<Item = f64>| {
             let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), v| (sum + v, n + 1));
-            if count == 0 { 0.0 } else { sum / f64::from(count) }
+            if count == 0 {
+                0.0
+            } else {
+                sum / f64::from(count)
+            }
         };
         Self {
             strides: kept.len(),

@@ -156,9 +156,8 @@ impl Task {
     /// [`LabError::Invalid`] with the key at fault, which the caller can place in a file; or the
     /// error of the room that owns the value.
     pub fn validate(&self) -> Result<(), LabError> {
-        let invalid = |key: String, requirement: String| {
-            Err(LabError::Invalid(Invalid { key, requirement }))
-        };
+        let invalid =
+            |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
         self.robot.validate()?;
         self.gait.validate()?;
         self.section.validate()?;
@@ -166,7 +165,10 @@ impl Task {
             return invalid("state".into(), "needs at least one component".into());
         }
         if let Some(i) = (1..self.state.len()).find(|&i| self.state[..i].contains(&self.state[i])) {
-            return invalid("state".into(), format!("names {} twice", self.state[i].name()));
+            return invalid(
+                "state".into(),
+                format!("names {} twice", self.state[i].name()),
+            );
         }
         self.plant_actions()?;
         if self.reward.is_empty() {
@@ -175,8 +177,15 @@ impl Task {
         for (i, term) in self.reward.iter().enumerate() {
             let needs_target = term.quantity == RewardQuantity::PsiRollSquaredError;
             if needs_target != term.target_deg.is_some() {
-                let word = if needs_target { "needs" } else { "has no use for" };
-                return invalid(format!("reward.{i}"), format!("this quantity {word} target_deg"));
+                let word = if needs_target {
+                    "needs"
+                } else {
+                    "has no use for"
+                };
+                return invalid(
+                    format!("reward.{i}"),
+                    format!("this quantity {word} target_deg"),
+                );
             }
             if !term.weight.is_finite() {
                 return invalid(format!("reward.{i}.weight"), "must be finite".into());
@@ -185,21 +194,44 @@ impl Task {
         let f = &self.failure;
         for (key, value, low, high) in [
             ("failure.reward", f.reward, -1e6, 0.0),
-            ("failure.psi_roll_below_deg", f.psi_roll_below_deg, -90.0, 90.0),
+            (
+                "failure.psi_roll_below_deg",
+                f.psi_roll_below_deg,
+                -90.0,
+                90.0,
+            ),
             ("failure.com_height_below", f.com_height_below, 0.0, 1.0),
             ("failure.tilt_above_deg", f.tilt_above_deg, 1.0, 180.0),
             ("failure.no_section_s", f.no_section_s, 0.1, 60.0),
         ] {
             if !(low..=high).contains(&value) {
-                return invalid(key.into(), format!("is {value}, must lie in [{low}, {high}]"));
+                return invalid(
+                    key.into(),
+                    format!("is {value}, must lie in [{low}, {high}]"),
+                );
             }
         }
         let (n, m) = (self.state.len(), self.action.len());
         let explore = &self.collect.explore;
         for (key, found, expected, what) in [
-            ("collect.explore.center", explore.center.len(), m, "component of the action"),
-            ("collect.explore.std", explore.std.len(), m, "component of the action"),
-            ("collect.later_noise_std", self.collect.later_noise_std.len(), m, "component of the action"),
+            (
+                "collect.explore.center",
+                explore.center.len(),
+                m,
+                "component of the action",
+            ),
+            (
+                "collect.explore.std",
+                explore.std.len(),
+                m,
+                "component of the action",
+            ),
+            (
+                "collect.later_noise_std",
+                self.collect.later_noise_std.len(),
+                m,
+                "component of the action",
+            ),
             (
                 "learner.actor_critic.basis_widths",
                 self.learner.actor_critic.basis_widths.len(),
@@ -221,7 +253,10 @@ impl Task {
             }
         }
         if explore.hold == 0 {
-            return invalid("collect.explore.hold".into(), "must be at least 1 stride".into());
+            return invalid(
+                "collect.explore.hold".into(),
+                "must be at least 1 stride".into(),
+            );
         }
         for [low, high] in &explore.center {
             if !(low.is_finite() && high.is_finite() && low <= high) {
@@ -240,7 +275,10 @@ impl Task {
             }
         }
         if self.collect.strides.is_empty() || self.collect.strides[0] == 0 {
-            return invalid("collect.strides".into(), "must begin with at least 1 stride".into());
+            return invalid(
+                "collect.strides".into(),
+                "must begin with at least 1 stride".into(),
+            );
         }
         if self.algorithm.iterations == 0 {
             return invalid("algorithm.iterations".into(), "must be at least 1".into());
@@ -249,7 +287,10 @@ impl Task {
         if a.evaluation_strides > 0 && a.evaluation_discard >= a.evaluation_strides {
             return invalid(
                 "algorithm.evaluation_discard".into(),
-                format!("must leave some of the {} evaluation strides", a.evaluation_strides),
+                format!(
+                    "must leave some of the {} evaluation strides",
+                    a.evaluation_strides
+                ),
             );
         }
         if a.stop_below_improvement.is_some() && a.evaluation_strides == 0 {
@@ -280,7 +321,10 @@ impl Task {
         let invalid =
             |key: String, requirement: String| LabError::Invalid(Invalid { key, requirement });
         if self.action.is_empty() {
-            return Err(invalid("action".into(), "needs at least one [[action]]".into()));
+            return Err(invalid(
+                "action".into(),
+                "needs at least one [[action]]".into(),
+            ));
         }
         let gait = self.gait()?;
         let modulations = gait.modulations();
@@ -305,14 +349,26 @@ impl Task {
             if !(m.lower <= lower && lower <= upper && upper <= m.upper) {
                 return Err(invalid(
                     format!("action.{i}.bounds"),
-                    format!("[{lower}, {upper}] must lie in order within [{}, {}]", m.lower, m.upper),
+                    format!(
+                        "[{lower}, {upper}] must lie in order within [{}, {}]",
+                        m.lower, m.upper
+                    ),
                 ));
             }
-            if action.rate_per_stride.is_some_and(|r| r.is_nan() || r <= 0.0) {
-                return Err(invalid(format!("action.{i}.rate_per_stride"), "must be positive".into()));
+            if action
+                .rate_per_stride
+                .is_some_and(|r| r.is_nan() || r <= 0.0)
+            {
+                return Err(invalid(
+                    format!("action.{i}.rate_per_stride"),
+                    "must be positive".into(),
+                ));
             }
             if !(action.gain > 0.0 && action.gain <= 1.0) {
-                return Err(invalid(format!("action.{i}.gain"), "must lie in (0, 1]".into()));
+                return Err(invalid(
+                    format!("action.{i}.gain"),
+                    "must lie in (0, 1]".into(),
+                ));
             }
             actions.push(PlantAction {
                 modulation: index,
@@ -334,7 +390,11 @@ impl Task {
     ///
     /// As [`Self::validate`].
     pub fn action_limits(&self) -> Result<Vec<ActionLimits>, LabError> {
-        Ok(self.plant_actions()?.into_iter().map(|a| a.limits).collect())
+        Ok(self
+            .plant_actions()?
+            .into_iter()
+            .map(|a| a.limits)
+            .collect())
     }
 
     /// Names and bounds of states and actions.
@@ -344,7 +404,13 @@ impl Task {
     /// As [`Self::validate`].
     pub fn process_spec(&self) -> Result<ProcessSpec, LabError> {
         Ok(ProcessSpec {
-            state: self.state.iter().map(|c| StateDimension { name: c.name().into() }).collect(),
+            state: self
+                .state
+                .iter()
+                .map(|c| StateDimension {
+                    name: c.name().into(),
+                })
+                .collect(),
             action: self
                 .action
                 .iter()
@@ -362,7 +428,10 @@ impl Task {
     #[must_use]
     pub fn map_failure(&self) -> MapFailure {
         MapFailure {
-            component: self.state.iter().position(|c| *c == StateComponent::PsiRollDeg),
+            component: self
+                .state
+                .iter()
+                .position(|c| *c == StateComponent::PsiRollDeg),
             below: self.failure.psi_roll_below_deg,
             reward: self.failure.reward,
         }
@@ -383,6 +452,11 @@ impl Task {
             section: self.section,
             warm_up_strides: self.collect.warm_up_strides,
         };
-        Plant::new(Box::new(robot), Box::new(self.gait()?), self.process_spec()?, task)
+        Plant::new(
+            Box::new(robot),
+            Box::new(self.gait()?),
+            self.process_spec()?,
+            task,
+        )
     }
 }

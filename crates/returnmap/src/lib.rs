@@ -23,22 +23,24 @@ mod analysis;
 mod learned;
 mod linear_gaussian;
 mod linear_quadratic;
+mod map_config;
 mod process;
 mod return_line;
 mod rimless_wheel;
+mod saved_map;
 mod stability;
 
 pub use action_law::{ActionLaw, ActionLimits};
 pub use analysis::{AnalysisError, MeanMap};
-pub use learned::{
-    LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapSample, MapStart, MapWorld, StateReward,
-};
+pub use learned::{LearnedMap, MapFailure, MapSample, MapWorld, StateReward};
 pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
 pub use linear_quadratic::{LinearFeedback, linear_quadratic_feedback};
+pub use map_config::{MapConfig, MapDraw, MapInput, MapStart};
 pub use process::{
     Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
     StrideProcess, clipped_action,
 };
 pub use return_line::ReturnLine;
 pub use rimless_wheel::{RimlessWheel, RimlessWheelParameters};
+pub use saved_map::{SavedLeaveOneOut, SavedMap, SavedOutput};
 pub use stability::{FixedPoint, Linearization, fixed_point, linearize};

@@ -108,7 +108,8 @@ impl RunDirectory {
         if occupied {
             return Err(LabError::RunDirectory {
                 path: path.into(),
-                problem: "is not empty and holds no run; choose another directory with --out".into(),
+                problem: "is not empty and holds no run; choose another directory with --out"
+                    .into(),
             });
         }
         for sub in ["map", "policy", "figures/data", "poses"] {
@@ -199,7 +200,9 @@ impl RunDirectory {
 
     fn check_stop(&self) -> Result<(), LabError> {
         if self.stop.load(Ordering::Relaxed) {
-            return Err(LabError::Interrupted { path: self.path.clone() });
+            return Err(LabError::Interrupted {
+                path: self.path.clone(),
+            });
         }
         Ok(())
     }
@@ -220,7 +223,8 @@ impl Recorder for RunDirectory {
     fn stride(&mut self, transition: &Transition, what: Option<&str>) -> Result<(), LabError> {
         let row = self.table.row(transition);
         if transition.phase == StridePhase::Record {
-            self.record.append(&format!("{},{row}", what.unwrap_or_default()))?;
+            self.record
+                .append(&format!("{},{row}", what.unwrap_or_default()))?;
         } else {
             self.transitions.append(&row)?;
         }
@@ -229,7 +233,10 @@ impl Recorder for RunDirectory {
     }
 
     fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError> {
-        write_json(&self.path.join(format!("map/{iteration}.json")), &map.to_saved(iteration))?;
+        write_json(
+            &self.path.join(format!("map/{iteration}.json")),
+            &map.to_saved(iteration)?,
+        )?;
         let table = grid::map_table(map)?;
         write_whole(
             &self.path.join(format!("figures/data/map-{iteration}.csv")),
@@ -248,9 +255,11 @@ impl Recorder for RunDirectory {
 
     fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError> {
         write_json(&self.path.join(format!("policy/{iteration}.json")), policy)?;
-        let table = grid::policy_table(policy, &self.task.map.start_range());
+        let table = grid::policy_table(policy, &self.task.map.start_range);
         write_whole(
-            &self.path.join(format!("figures/data/policy-{iteration}.csv")),
+            &self
+                .path
+                .join(format!("figures/data/policy-{iteration}.csv")),
             table.as_bytes(),
         )
     }
@@ -264,7 +273,11 @@ impl Recorder for RunDirectory {
         if let Some(p) = robot {
             self.robot_trial += 1;
             let iteration = progress.iterations.len();
-            let world = if phase == Phase::Evaluate { "robot-evaluation" } else { "robot" };
+            let world = if phase == Phase::Evaluate {
+                "robot-evaluation"
+            } else {
+                "robot"
+            };
             self.learning.append(&format!(
                 "{iteration},{},{world},{},{},{}",
                 iteration, p.mean_reward, p.falls, p.strides
@@ -318,7 +331,10 @@ fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), Lab
         return Err(LabError::Content {
             path: checkpoint_path,
             line: None,
-            problem: format!("has format {}; this version reads format {FORMAT}", c.format),
+            problem: format!(
+                "has format {}; this version reads format {FORMAT}",
+                c.format
+            ),
         });
     }
     let table = TransitionTable::new(&task.process_spec()?);
@@ -350,7 +366,10 @@ fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), Lab
         record_strides: c.record_strides,
         seconds: c.seconds,
     };
-    Ok((progress, [c.transition_rows, c.record_rows, c.learning_rows]))
+    Ok((
+        progress,
+        [c.transition_rows, c.record_rows, c.learning_rows],
+    ))
 }
 
 /// A run that was made before, read for further use. The directory is not changed.
@@ -382,7 +401,12 @@ impl FinishedRun {
         let task = crate::builtin::load_file(&config, sets)?.task;
         let provenance = read_json(&path.join("provenance.json"))?;
         let (progress, _) = read_progress(path, &task)?;
-        Ok(Self { path: path.into(), task, provenance, progress })
+        Ok(Self {
+            path: path.into(),
+            task,
+            provenance,
+            progress,
+        })
     }
 
     /// The policy that the run recommends: the final one, or the best so far.
@@ -391,9 +415,12 @@ impl FinishedRun {
     ///
     /// [`LabError::RunDirectory`] if it has none yet.
     pub fn policy(&self) -> Result<SavedPolicy, LabError> {
-        self.progress.best_policy().cloned().ok_or_else(|| LabError::RunDirectory {
-            path: self.path.clone(),
-            problem: "has no policy yet; `stridemap learn --resume` it first".into(),
-        })
+        self.progress
+            .best_policy()
+            .cloned()
+            .ok_or_else(|| LabError::RunDirectory {
+                path: self.path.clone(),
+                problem: "has no policy yet; `stridemap learn --resume` it first".into(),
+            })
     }
 }

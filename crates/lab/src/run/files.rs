@@ -8,7 +8,11 @@ use crate::error::LabError;
 
 fn failed(path: &Path, doing: &'static str) -> impl FnOnce(std::io::Error) -> LabError {
     let path = path.to_path_buf();
-    move |source| LabError::File { path, doing, source }
+    move |source| LabError::File {
+        path,
+        doing,
+        source,
+    }
 }
 
 /// Writes a whole file: aside, flushed to the disk, renamed. A reader sees the old file or the new
@@ -125,8 +129,15 @@ impl Log {
             }
         }
         write_whole(path, text.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(path).map_err(failed(path, "open"))?;
-        Ok(Self { path: path.into(), file: BufWriter::new(file), rows: keep })
+        let file = OpenOptions::new()
+            .append(true)
+            .open(path)
+            .map_err(failed(path, "open"))?;
+        Ok(Self {
+            path: path.into(),
+            file: BufWriter::new(file),
+            rows: keep,
+        })
     }
 
     /// Appends one row and hands it to the system.
@@ -147,7 +158,10 @@ impl Log {
     ///
     /// [`LabError::File`].
     pub fn sync(&self) -> Result<(), LabError> {
-        self.file.get_ref().sync_data().map_err(failed(&self.path, "write"))
+        self.file
+            .get_ref()
+            .sync_data()
+            .map_err(failed(&self.path, "write"))
     }
 
     /// Rows so far, the header not counted.
@@ -175,7 +189,10 @@ mod tests {
         assert_eq!(log.rows(), 3);
         assert_eq!(read_text(&path).unwrap(), "a,b\n1,2\n3,4\n7,8\n");
         let short = Log::open(&path, "a,b", 9).err().unwrap().to_string();
-        assert!(short.contains("holds 3 rows where the checkpoint counts 9"), "{short}");
+        assert!(
+            short.contains("holds 3 rows where the checkpoint counts 9"),
+            "{short}"
+        );
         assert!(Log::open(&path, "a,c", 1).is_err());
     }
 

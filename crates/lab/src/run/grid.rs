@@ -38,7 +38,10 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
         let _ = write!(text, ",mean_{0},std_{0}", d.name);
     }
     text.push('\n');
-    let middle: Vec<f64> = ranges.iter().map(|[low, high]| 0.5 * (low + high)).collect();
+    let middle: Vec<f64> = ranges
+        .iter()
+        .map(|[low, high]| 0.5 * (low + high))
+        .collect();
     for (along, range) in ranges.iter().enumerate() {
         let [low, high] = widened(*range);
         for value in axis(low, high, LINE) {
@@ -72,14 +75,21 @@ pub fn map_table(map: &LearnedMap) -> Result<String, LabError> {
     let samples = map.samples();
     let span = |value: &dyn Fn(usize) -> f64| {
         let all = (0..samples.len()).map(value);
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
+            [l.min(v), h.max(v)]
+        })
     };
-    let states: Vec<[f64; 2]> =
-        (0..spec.state.len()).map(|d| widened(span(&|i| samples[i].state[d]))).collect();
-    let actions: Vec<[f64; 2]> =
-        (0..spec.action.len()).map(|d| widened(span(&|i| samples[i].action[d]))).collect();
+    let states: Vec<[f64; 2]> = (0..spec.state.len())
+        .map(|d| widened(span(&|i| samples[i].state[d])))
+        .collect();
+    let actions: Vec<[f64; 2]> = (0..spec.action.len())
+        .map(|d| widened(span(&|i| samples[i].action[d])))
+        .collect();
     let middle = |ranges: &[[f64; 2]]| -> Vec<f64> {
-        ranges.iter().map(|[low, high]| 0.5 * (low + high)).collect()
+        ranges
+            .iter()
+            .map(|[low, high]| 0.5 * (low + high))
+            .collect()
     };
 
     let mut text = String::from("state_axis,action_axis");

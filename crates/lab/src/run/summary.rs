@@ -60,7 +60,12 @@ pub struct Measured {
 
 impl From<Performance> for Measured {
     fn from(performance: Performance) -> Self {
-        Self { performance, speed_m_s: None, upright_s: None, drift_m: None }
+        Self {
+            performance,
+            speed_m_s: None,
+            upright_s: None,
+            drift_m: None,
+        }
     }
 }
 

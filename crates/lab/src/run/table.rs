@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use stridemap_returnmap::{ProcessSpec, StrideEnd};
+use stridemap_returnmap::{ProcessSpec, State, StrideEnd};
 use stridemap_robot::Side;
 
 use crate::error::LabError;
@@ -19,15 +19,25 @@ fn measures(m: &StrideMeasures) -> [(&'static str, f64); 11] {
         ("stride_psi_roll_deg", m.psi_roll_deg),
         ("stride_psi_pitch_deg", m.psi_pitch_deg),
         ("stride_psi_pitch_rate_deg_s", m.psi_pitch_rate_deg_s),
-        ("stride_mean_psi_pitch_rate_deg_s", m.mean_psi_pitch_rate_deg_s),
+        (
+            "stride_mean_psi_pitch_rate_deg_s",
+            m.mean_psi_pitch_rate_deg_s,
+        ),
         ("stride_energy_j", m.energy_j),
         ("stride_peak_foot_load_n", m.peak_foot_load_n),
         ("stride_posture_deviation_deg", m.posture_deviation_deg),
     ]
 }
 
-const FIRST_COLUMNS: [&str; 7] =
-    ["iteration", "phase", "role", "episode", "k", "time_s", "stance"];
+const FIRST_COLUMNS: [&str; 7] = [
+    "iteration",
+    "phase",
+    "role",
+    "episode",
+    "k",
+    "time_s",
+    "stance",
+];
 
 /// The columns of a process, one line per stride. Numbers are written with as many digits as bring
 /// back the same bits.
@@ -56,7 +66,11 @@ impl TransitionTable {
         columns.extend(self.actions.iter().cloned());
         columns.extend(self.states.iter().map(|name| format!("next_{name}")));
         columns.extend(["reward".into(), "end".into()]);
-        columns.extend(measures(&StrideMeasures::default()).iter().map(|(name, _)| (*name).into()));
+        columns.extend(
+            measures(&StrideMeasures::default())
+                .iter()
+                .map(|(name, _)| (*name).into()),
+        );
         columns.join(",")
     }
 
@@ -82,7 +96,11 @@ impl TransitionTable {
         }
         cells.push(t.reward.to_string());
         cells.push(t.end.name().into());
-        cells.extend(measures(&t.measures).iter().map(|(_, value)| value.to_string()));
+        cells.extend(
+            measures(&t.measures)
+                .iter()
+                .map(|(_, value)| value.to_string()),
+        );
         cells.join(",")
     }
 
@@ -101,18 +119,28 @@ impl TransitionTable {
             line,
             problem,
         };
-        let header: Vec<&str> = lines.next().map(|(_, l)| l.split(',').collect()).unwrap_or_default();
+        let header: Vec<&str> = lines
+            .next()
+            .map(|(_, l)| l.split(',').collect())
+            .unwrap_or_default();
         let mut transitions = Vec::new();
         for (index, line) in lines.take(rows.unwrap_or(usize::MAX)) {
             let cells: Vec<&str> = line.split(',').collect();
             let at = |problem: String| bad(Some(index + 1), problem);
             if cells.len() != header.len() {
-                return Err(at(format!("{} cells under {} columns", cells.len(), header.len())));
+                return Err(at(format!(
+                    "{} cells under {} columns",
+                    cells.len(),
+                    header.len()
+                )));
             }
             let cell = |name: &str| {
                 let column = header.iter().position(|h| h.trim() == name);
                 column.map(|c| cells[c].trim()).ok_or_else(|| {
-                    bad(Some(1), format!("no column {name}; this task needs {}", self.header()))
+                    bad(
+                        Some(1),
+                        format!("no column {name}; this task needs {}", self.header()),
+                    )
                 })
             };
             let number = |name: &str| -> Result<f64, LabError> {
@@ -123,23 +151,42 @@ impl TransitionTable {
                 }
             };
             let optional = |name: &str| -> Result<f64, LabError> {
-                if header.iter().any(|h| h.trim() == name) { number(name) } else { Ok(0.0) }
+                if header.iter().any(|h| h.trim() == name) {
+                    number(name)
+                } else {
+                    Ok(0.0)
+                }
             };
             let count = |name: &str| -> Result<usize, LabError> {
                 let text = cell(name)?;
-                text.parse().map_err(|_| at(format!("{name} = {text:?} is not a whole number")))
+                text.parse()
+                    .map_err(|_| at(format!("{name} = {text:?} is not a whole number")))
             };
             let word = |name: &str, words: &[&'static str]| -> Result<usize, LabError> {
                 let text = cell(name)?;
                 words.iter().position(|w| *w == text).ok_or_else(|| {
-                    at(format!("{name} = {text:?}; it is one of {}", words.join(", ")))
+                    at(format!(
+                        "{name} = {text:?}; it is one of {}",
+                        words.join(", ")
+                    ))
                 })
             };
-            let numbers = |names: &[String], prefix: &str| {
-                names.iter().map(|name| number(&format!("{prefix}{name}"))).collect()
+            let numbers = |names: &[String], prefix: &str| -> Result<State, LabError> {
+                names
+                    .iter()
+                    .map(|name| number(&format!("{prefix}{name}")))
+                    .collect()
             };
-            let phases = [StridePhase::Collect, StridePhase::Evaluate, StridePhase::Record];
-            let roles = [StrideRole::Training, StrideRole::Evaluation, StrideRole::Record];
+            let phases = [
+                StridePhase::Collect,
+                StridePhase::Evaluate,
+                StridePhase::Record,
+            ];
+            let roles = [
+                StrideRole::Training,
+                StrideRole::Evaluation,
+                StrideRole::Record,
+            ];
             let ends = [
                 StrideEnd::Crossing,
                 StrideEnd::Fell,
@@ -187,7 +234,9 @@ mod tests {
 
     fn table() -> TransitionTable {
         TransitionTable::new(&ProcessSpec {
-            state: vec![StateDimension { name: "psi_roll_deg".into() }],
+            state: vec![StateDimension {
+                name: "psi_roll_deg".into(),
+            }],
             action: vec![ActionDimension {
                 name: "step_amplitude_deg".into(),
                 lower: -1.0,
@@ -211,7 +260,10 @@ mod tests {
             next_state: smallvec::smallvec![1e-300],
             reward: -0.25,
             end: StrideEnd::Crossing,
-            measures: StrideMeasures { energy_j: 12.5, ..Default::default() },
+            measures: StrideMeasures {
+                energy_j: 12.5,
+                ..Default::default()
+            },
         }
     }
 
@@ -232,6 +284,9 @@ mod tests {
         let row = table().row(&transition()).replace("-0.25", "NaN");
         std::fs::write(&path, format!("{}\n{row}\n", table().header())).unwrap();
         let error = table().read(&path, None).unwrap_err().to_string();
-        assert!(error.ends_with("transitions.csv:2: reward = \"NaN\" is not a finite number"), "{error}");
+        assert!(
+            error.ends_with("transitions.csv:2: reward = \"NaN\" is not a finite number"),
+            "{error}"
+        );
     }
 }

@@ -1,0 +1,190 @@
+//! Built-in tasks, and tasks from files.
+
+use std::path::Path;
+
+use crate::config::{Document, resolver};
+use crate::error::{Invalid, LabError};
+use crate::task::Task;
+
+/// Name and text of every built-in task.
+pub const TASKS: [(&str, &str); 2] = [
+    (
+        "stepping",
+        include_str!("../../../experiments/stepping.toml"),
+    ),
+    (
+        "stepping-paper",
+        include_str!("../../../experiments/stepping-paper.toml"),
+    ),
+];
+
+/// A task, read and checked.
+#[derive(Debug)]
+pub struct LoadedTask {
+    /// The task.
+    pub task: Task,
+    /// The resolved task as TOML: every value, and nothing that it `extends`.
+    pub resolved: String,
+}
+
+/// Loads a built-in task by name, or a task file, with `key=value` overrides.
+///
+/// # Errors
+///
+/// [`LabError::Config`] that names file, line and key.
+///
+/// # Example
+///
+/// ```
+/// let task = stridemap_lab::builtin::load("stepping", &["robot.mass_scale=1.05".into()])?.task;
+/// assert_eq!(task.robot.mass_scale, 1.05);
+/// let error = stridemap_lab::builtin::load("stepping", &["robot.frictoin=1".into()]).unwrap_err();
+/// assert!(error.to_string().contains("did you mean `friction`?"), "{error}");
+/// # Ok::<(), stridemap_lab::LabError>(())
+/// ```
+pub fn load(name_or_path: &str, sets: &[String]) -> Result<LoadedTask, LabError> {
+    let document = Document::load(name_or_path, sets, resolver(&TASKS)).map_err(config)?;
+    finish(document)
+}
+
+/// Loads a task file by its path, even where a built-in task has the same name.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn load_file(path: &Path, sets: &[String]) -> Result<LoadedTask, LabError> {
+    load(&path.display().to_string(), sets)
+}
+
+fn config(error: crate::config::ConfigError) -> LabError {
+    LabError::Config(Box::new(error))
+}
+
+fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
+    let model = document.get("robot.model").and_then(|node| node.as_str());
+    if model.is_some_and(|model| model != "biped") {
+        document.rebase("robot.model");
+    }
+    let task: Task = document.deserialize().map_err(config)?;
+    task.validate().map_err(|error| located(&document, error))?;
+    let resolved = crate::config::to_toml(&task).map_err(config)?;
+    Ok(LoadedTask { task, resolved })
+}
+
+/// Puts a fault that a room found in its configuration at its place in the file.
+fn located(document: &Document, error: LabError) -> LabError {
+    use stridemap_gait::GaitError;
+    use stridemap_learn::LearnError;
+    use stridemap_mujoco::MujocoError;
+    use stridemap_returnmap::ProcessError;
+    use stridemap_section::SectionError;
+
+    let at = |key: &str, message: String| config(document.located(key, message));
+    match error {
+        LabError::Invalid(Invalid { key, requirement }) => at(&key, requirement),
+        LabError::UnknownModulation {
+            key,
+            found,
+            allowed,
+        } => {
+            let near = crate::config::nearest(&found, &allowed);
+            let hint = near
+                .map(|n| format!(" did you mean \"{n}\"?"))
+                .unwrap_or_default();
+            at(
+                &key,
+                format!(
+                    "the gait has no {found:?};{hint} (allowed: {})",
+                    allowed.join(", ")
+                ),
+            )
+        }
+        LabError::Gait(GaitError::Parameter {
+            name,
+            value,
+            requirement,
+        }) => at(&format!("gait.{name}"), format!("{value}: {requirement}")),
+        LabError::Section(SectionError::Parameter {
+            name,
+            value,
+            requirement,
+        }) => at(
+            &format!("section.{name}"),
+            format!("{value}: {requirement}"),
+        ),
+        LabError::Process(ProcessError::Parameter {
+            name,
+            value,
+            requirement,
+        }) => at(name, format!("{value}: {requirement}")),
+        LabError::Learn(LearnError::Parameter {
+            field,
+            value,
+            domain,
+        }) => at(
+            &format!("learner.actor_critic.{field}"),
+            format!("{value}: must be {domain}"),
+        ),
+        LabError::Learn(LearnError::Length {
+            field,
+            expected,
+            found,
+        }) => at(
+            &format!("learner.actor_critic.{field}"),
+            format!("has {found} entries, needs {expected}"),
+        ),
+        LabError::Mujoco(MujocoError::BadValue {
+            field,
+            value,
+            allowed,
+        }) => at(
+            &format!("robot.{field}"),
+            format!("{value}: must be {allowed}"),
+        ),
+        LabError::Mujoco(error) => at("robot", error.to_string()),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_built_in_task_is_valid_and_its_resolved_text_is_the_same_task() {
+        for (name, _) in TASKS {
+            let loaded = load(name, &[]).unwrap();
+            assert_eq!(loaded.task.name, name);
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("config.toml");
+            std::fs::write(&path, &loaded.resolved).unwrap();
+            assert_eq!(load_file(&path, &[]).unwrap().task, loaded.task);
+        }
+    }
+
+    #[test]
+    fn faults_are_placed() {
+        for (set, expected) in [
+            ("gait.coupling_rad_s=-1", "gait.coupling_rad_s"),
+            ("section.stance.load_share=0.2", "section.stance.load_share"),
+            ("robot.mass_scale=0", "robot.mass_scale"),
+            ("map.starts=0", "map.starts"),
+            (
+                "learner.actor_critic.discount=1",
+                "learner.actor_critic.discount",
+            ),
+            ("action.0.bounds=[5, -5]", "action.0.bounds"),
+            ("action.0.modulates=walk_amplitude", "walk_amplitude_deg"),
+            ("collect.explore.std=[0.1, 0.2]", "collect.explore.std"),
+            ("failure.com_height_below=7", "failure.com_height_below"),
+        ] {
+            let error = load("stepping", &[set.into()]).unwrap_err();
+            assert!(error.is_request(), "{error:?}");
+            let text = error.to_string();
+            assert!(
+                text.contains(expected) && text.contains("--set"),
+                "{set}: {text}"
+            );
+        }
+    }
+}
