@@ -79,10 +79,11 @@ fn in_flight_it_falls_with_g_and_gains_the_impulse_of_a_push() -> Outcome {
     let after = robot.state();
     assert_eq!(after.cop_m, None, "still in flight");
     let elapsed_s = after.time_s - before.time_s;
-    for axis in 0..3 {
+    let gained = after.com.velocity_m_s.iter().zip(before.com.velocity_m_s);
+    for ((axis, force), (after, before)) in force_n.iter().enumerate().zip(gained) {
         let gravity = if axis == 2 { -9.81 } else { 0.0 };
-        let gained = after.com.velocity_m_s[axis] - before.com.velocity_m_s[axis];
-        let expected = (force_n[axis] / 95.0 + gravity) * elapsed_s;
+        let gained = after - before;
+        let expected = (force / 95.0 + gravity) * elapsed_s;
         // The integrator keeps momentum to its own order, the first, in the step of 1 ms.
         assert!(
             (gained - expected).abs() < 2e-3,
