@@ -600,6 +600,34 @@ mod tests {
     }
 
     #[test]
+    fn two_halves_of_a_step_are_a_step_to_the_bit() -> Outcome {
+        let config = MujocoConfig::default();
+        let rest = config.rest_targets();
+        let commands: Vec<JointTargets> = (0..500)
+            .map(|period| JointTargets {
+                position_rad: Legs::from_fn(|side, joint| {
+                    let sway = 0.05 * (0.02 * f64::from(period)).sin();
+                    rest.position_rad[(side, joint)] + sway * side.lateral_sign()
+                }),
+            })
+            .collect();
+        let mut halves = MujocoRobot::new(config.clone())?;
+        let mut whole = MujocoRobot::new(config)?;
+        for robot in [&mut halves, &mut whole] {
+            robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
+        }
+        let start = halves.data.qpos().to_vec();
+        for targets in &commands {
+            halves.step(targets)?;
+        }
+        whole.time_bare_steps(&commands);
+        assert_ne!(halves.data.qpos(), start, "it moved");
+        assert_eq!(halves.data.qpos(), whole.data.qpos());
+        assert_eq!(halves.data.qvel(), whole.data.qvel());
+        Ok(())
+    }
+
+    #[test]
     fn a_foreign_snapshot_is_refused() -> Outcome {
         let mut robot = MujocoRobot::new(MujocoConfig::default())?;
         let mut moment = robot.snapshot();
