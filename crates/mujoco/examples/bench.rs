@@ -1,7 +1,8 @@
 //! What a control period costs beside the bare physics in it:
 //! `cargo run --release -p stridemap-mujoco --example bench`.
 //!
-//! Each row: the same commands given to [`Robot::step`], and their physics steps with nothing around them.
+//! Each row gives the same commands to [`Robot::step`] and to bare `mj_step` calls. The commands of the stepping row are
+//! recorded from a run of the gait beforehand: the simulator is deterministic, so both pass through that run again.
 
 #![allow(clippy::print_stdout)]
 
@@ -10,82 +11,85 @@ use std::time::Instant;
 
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use stridemap_mujoco::{MujocoConfig, MujocoRobot};
-use stridemap_robot::{JointTargets, LegJoint, Legs, Robot, Side};
+use stridemap_robot::{JointTargets, Robot};
 
-/// Control periods a measurement, and measurements of which the median counts.
-const PERIODS: usize = 5000;
+#[path = "../tests/common/gait.rs"]
+mod gait;
+
+/// Control periods of a measurement (20 s).
+const PERIODS: usize = 10_000;
+/// Measurements, of which the median counts; bare and full take turns.
 const REPEATS: usize = 9;
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let config = MujocoConfig::default();
+    let rest = config.rest_targets();
+    let mut robot = MujocoRobot::new(config.clone())?;
     println!(
-        "{:<22} {:>14} {:>14} {:>7} {:>9}",
-        "", "bare us/step", "step us/step", "ratio", "of engine"
+        "{:<10} {:>16} {:>16} {:>7}",
+        "", "bare us/mj_step", "full us/mj_step", "ratio"
     );
-    row("standing", |rest, _| *rest)?;
-    row("marching on the spot", |rest, time_s| {
-        marching(rest, time_s)
-    })?;
-    let mut build: Vec<f64> = Vec::new();
+    row("standing", &mut robot, &rest, &vec![rest; PERIODS])?;
+    let stepping = record(&mut robot, &rest, config.control_period_s)?;
+    row("stepping", &mut robot, &rest, &stepping)?;
+    let mut build = Vec::new();
     for _ in 0..REPEATS {
         let start = Instant::now();
-        MujocoRobot::new(MujocoConfig::default())?;
+        MujocoRobot::new(config.clone())?;
         build.push(start.elapsed().as_secs_f64() * 1e3);
     }
     println!("building a robot: {:.2} ms", median(&mut build));
+    println!("{}", robot.provenance().model_sha256);
     Ok(())
 }
 
-/// Rest plus a sway at the biped's natural frequency: both feet load and unload, none slips far.
-fn marching(rest: &JointTargets, time_s: f64) -> JointTargets {
-    let sway = 3.0_f64.to_radians() * (3.5 * time_s).sin();
-    JointTargets {
-        position_rad: Legs::from_fn(|side, joint| {
-            let lift = 6.0_f64.to_radians() * (side.lateral_sign() * (3.5 * time_s).sin()).max(0.0);
-            rest.position_rad[(side, joint)]
-                + match joint {
-                    LegJoint::HipRoll => -sway,
-                    LegJoint::AnkleRoll => sway,
-                    LegJoint::HipPitch | LegJoint::AnklePitch => lift,
-                    LegJoint::Knee => -2.0 * lift,
-                }
-        }),
+/// The commands of the gait over the length of a measurement.
+fn record(
+    robot: &mut MujocoRobot,
+    rest: &JointTargets,
+    period_s: f64,
+) -> Result<Vec<JointTargets>, Box<dyn Error>> {
+    let mut gait = gait::Gait::new();
+    robot.reset(rest, &mut ChaCha8Rng::seed_from_u64(1))?;
+    let mut commands = Vec::with_capacity(PERIODS);
+    for _ in 0..PERIODS {
+        let targets = gait.targets(rest, robot.state(), period_s);
+        robot.step(&targets)?;
+        commands.push(targets);
     }
+    Ok(commands)
 }
 
 fn row(
     name: &str,
-    gait: impl Fn(&JointTargets, f64) -> JointTargets,
+    robot: &mut MujocoRobot,
+    rest: &JointTargets,
+    commands: &[JointTargets],
 ) -> Result<(), Box<dyn Error>> {
-    let config = MujocoConfig::default();
-    let rest = config.rest_targets();
-    let mut robot = MujocoRobot::new(config)?;
     let steps = (PERIODS * robot.steps_per_period()) as f64;
-    let (mut bare, mut full, mut share) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut bare, mut full, mut ratio) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..REPEATS {
-        robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
-        bare.push(robot.time_bare_steps(PERIODS, |time_s| gait(&rest, time_s)) * 1e6 / steps);
-        robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
-        let engine = robot.engine_seconds().unwrap_or(0.0);
+        robot.reset(rest, &mut ChaCha8Rng::seed_from_u64(1))?;
+        let bare_us = robot.time_bare_steps(commands) * 1e6 / steps;
+        robot.reset(rest, &mut ChaCha8Rng::seed_from_u64(1))?;
         let start = Instant::now();
-        for _ in 0..PERIODS {
-            let targets = gait(&rest, robot.state().time_s);
-            robot.step(&targets)?;
+        for targets in commands {
+            robot.step(targets)?;
         }
-        let seconds = start.elapsed().as_secs_f64();
-        full.push(seconds * 1e6 / steps);
-        share.push((robot.engine_seconds().unwrap_or(0.0) - engine) / seconds);
+        let full_us = start.elapsed().as_secs_f64() * 1e6 / steps;
+        bare.push(bare_us);
+        full.push(full_us);
+        ratio.push(full_us / bare_us);
     }
-    let (bare, full) = (median(&mut bare), median(&mut full));
+    let height_m = robot.state().com.position_m[2];
+    if height_m < 0.6 {
+        return Err(format!("{name}: the robot fell, so this row would time a fall").into());
+    }
     println!(
-        "{name:<22} {bare:>14.2} {full:>14.2} {:>7.3} {:>9.3}",
-        full / bare,
-        median(&mut share)
-    );
-    let left = robot.state().foot(Side::Left).load_n;
-    println!(
-        "{:<22} ends at {:.2} m, left foot {left:.0} N",
-        "",
-        robot.state().com.position_m[2]
+        "{name:<10} {:>16.2} {:>16.2} {:>7.3}",
+        median(&mut bare),
+        median(&mut full),
+        median(&mut ratio)
     );
     Ok(())
 }
