@@ -29,10 +29,11 @@ pub struct ActorCriticConfig {
     /// γ, from 0 to below 1. Table 2: 0.95.
     #[serde(default = "default::discount")]
     pub discount: f64,
-    /// α, the critic's step size; positive, at most 2 (beyond that TD(0) diverges). Table 2: 0.3.
+    /// α, the critic's step size, from 0 (the critic is frozen) to 2 (beyond that TD(0) diverges).
+    /// Table 2: 0.3.
     #[serde(default = "default::step")]
     pub critic_step: f64,
-    /// β, the actor's step size; positive. Table 2: 0.3.
+    /// β, the actor's step size; not negative. Table 2: 0.3.
     #[serde(default = "default::step")]
     pub actor_step: f64,
     /// η, decay of the eligibility traces per stride, from 0 to 1. Table 2: 0.3.
@@ -213,13 +214,9 @@ impl ActorCriticConfig {
             "at least 0 and below 1",
         )?;
         let a = self.critic_step;
-        check_number(
-            "critic_step",
-            a,
-            a > 0.0 && a <= 2.0,
-            "positive and at most 2",
-        )?;
-        positive("actor_step", self.actor_step)?;
+        check_number("critic_step", a, (0.0..=2.0).contains(&a), "from 0 to 2")?;
+        let b = self.actor_step;
+        check_number("actor_step", b, b >= 0.0, "finite and not negative")?;
         fraction("trace_decay", self.trace_decay)?;
         positive("std_scale", self.std_scale)?;
         fraction("activation_threshold", self.activation_threshold)?;
