@@ -5,8 +5,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
-    ActorCritic, ActorCriticConfig, ConstantPolicy, KeptPolicy, LearnError, LearnOutcome, Learner,
-    Policy,
+    ActorCritic, ActorCriticConfig, ConstantPolicy, FeedbackConfig, KeptPolicy, LearnError,
+    LearnOutcome, Learner, Policy, SearchConfig, SearchLearner,
 };
 use stridemap_returnmap::{
     LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, RimlessWheel,
@@ -19,7 +19,33 @@ fn learners() -> Vec<(&'static str, Box<dyn Learner>)> {
         trials: 10,
         ..stepping()
     };
-    vec![("actor-critic", Box::new(ActorCritic { config: short }))]
+    let search = SearchConfig {
+        generations: 5,
+        ..SearchConfig::within(&[0.5], &[0.0], &[1.0])
+    };
+    let feedback = FeedbackConfig {
+        components: vec![0],
+        state_cost: vec![1.0],
+        action_cost: vec![0.1],
+        limit: vec![0.5],
+        discount: 0.95,
+        dither: 0.2,
+        linearization_strides: 200,
+    };
+    let with_feedback = SearchConfig {
+        feedback: Some(feedback),
+        ..search.clone()
+    };
+    vec![
+        ("actor-critic", Box::new(ActorCritic { config: short })),
+        ("search", Box::new(SearchLearner { config: search })),
+        (
+            "search with feedback",
+            Box::new(SearchLearner {
+                config: with_feedback,
+            }),
+        ),
+    ]
 }
 
 fn stepping() -> ActorCriticConfig {
