@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
     ActorCritic, ActorCriticConfig, ConstantPolicy, FeedbackConfig, KeptPolicy, LearnError,
-    LearnOutcome, Learner, Policy, SearchConfig, SearchLearner,
+    LearnOutcome, Learner, LinearPolicy, Policy, SearchConfig, SearchLearner,
 };
 use stridemap_returnmap::{
     LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, RimlessWheel,
@@ -245,7 +245,7 @@ fn the_actor_critic_finds_the_linear_quadratic_regulator() {
     };
     let gamma = config.discount;
     let best = regulation().optimal(gamma).unwrap();
-    let optimum = stridemap_learn::LinearPolicy::new(
+    let optimum = LinearPolicy::new(
         regulation().spec().clone(),
         best.offset.as_slice(),
         &[vec![best.gain[0]]],
@@ -287,4 +287,74 @@ fn the_actor_critic_finds_the_linear_quadratic_regulator() {
         "{offset}"
     );
     assert!(regrets.iter().all(|r| *r < 0.01), "{regrets:?}");
+}
+
+/// Two states, two actions of different units: the same learner, no change but the numbers. Of what
+/// can be gained the worst of 20 seeds missed 2.8 %. With unscaled gradients a step of 0.1 left 28 %
+/// in one seed of 5; a step of 0.03 at most 3.1 % in 20.
+#[test]
+fn the_actor_critic_regulates_with_a_vector_of_actions() {
+    let map = || {
+        LinearGaussianMap::new(LinearGaussianParameters {
+            a: vec![vec![0.9, 0.2], vec![-0.1, 0.8]],
+            b: vec![vec![0.5, 0.0], vec![0.1, 5.0]],
+            offset: vec![0.2, -0.1],
+            noise_std: vec![0.05, 0.05],
+            target: vec![0.0, 0.0],
+            state_cost: vec![0.1, 0.1],
+            action_cost: vec![0.01, 1.0],
+            initial_mean: vec![0.0, 0.0],
+            initial_std: vec![0.7, 0.7],
+            action_bounds: vec![[-4.0, 4.0], [-0.4, 0.4]],
+            fall_beyond: None,
+        })
+        .unwrap()
+    };
+    let config = ActorCriticConfig {
+        trials: 2000,
+        restart_every: Some(8),
+        basis_widths: vec![0.9, 0.9],
+        action_unit: vec![1.0, 0.1],
+        actor_step: 1.0,
+        scale_gradient_by_variance: true,
+        trace_decay: 0.95,
+        max_bases: 60,
+        mean_weight_limit: Some(vec![4.0, 0.4]),
+        ..stepping()
+    };
+    // Mean reward of the mean action, with the same starts and noise for every policy.
+    let reward = |policy: &dyn Policy| {
+        let (mut map, mut rng) = (map(), ChaCha8Rng::seed_from_u64(99));
+        let mut sum = 0.0;
+        for _ in 0..1000 {
+            let mut x = map.reset(&mut rng).unwrap();
+            for _ in 0..8 {
+                let stride = map.stride(&policy.mean(&x), &mut rng).unwrap();
+                sum += stride.reward / 8000.0;
+                x = stride.next_state;
+            }
+        }
+        sum
+    };
+    let (spec, best) = (
+        map().spec().clone(),
+        map().optimal(config.discount).unwrap(),
+    );
+    let rows: Vec<Vec<f64>> = (0..2)
+        .map(|j| best.gain.row(j).iter().copied().collect())
+        .collect();
+    let optimum =
+        LinearPolicy::new(spec.clone(), best.offset.as_slice(), &rows, &[0.0; 2]).unwrap();
+    let idle = reward(&ConstantPolicy::new(spec, &[0.0, 0.0]).unwrap());
+    let optimum = reward(&optimum);
+    let missed: Vec<f64> = (1..=10)
+        .map(|seed| {
+            let mut learner = ActorCritic {
+                config: config.clone(),
+            };
+            let policy = improve(&mut learner, &mut map(), seed).unwrap().policy;
+            (optimum - reward(&policy)) / (optimum - idle)
+        })
+        .collect();
+    assert!(missed.iter().all(|m| *m < 0.05), "{missed:?}");
 }

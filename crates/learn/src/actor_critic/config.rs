@@ -60,7 +60,9 @@ pub struct ActorCriticConfig {
     #[serde(default)]
     pub restart_every: Option<usize>,
     /// Multiplies the gradients of component j by σⱼ², which keeps steps bounded as exploration
-    /// shrinks \[KK98\]. The paper does not; recipe W does.
+    /// shrinks \[KK98\]; the actor's step may then be larger, near 1. Without it the gradient grows
+    /// like 1/σ, and with long runs or vector actions a seed may run away. The paper does not scale;
+    /// recipe W does.
     #[serde(default)]
     pub scale_gradient_by_variance: bool,
     /// Bound on the magnitude of every mean weight, per component, in units of the action; positive.
