@@ -1,12 +1,12 @@
 //! One contract for every learner, on exact maps with known answers.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::panic, clippy::unwrap_used)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
     ActorCritic, ActorCriticConfig, ConstantPolicy, FeedbackConfig, KeptPolicy, LearnError,
-    LearnOutcome, Learner, LinearPolicy, Policy, SearchConfig, SearchLearner,
+    LearnOutcome, Learner, LinearPolicy, Policy, SavedPolicy, SearchConfig, SearchLearner,
 };
 use stridemap_returnmap::{
     LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, RimlessWheel,
@@ -357,4 +357,40 @@ fn the_actor_critic_regulates_with_a_vector_of_actions() {
         })
         .collect();
     assert!(missed.iter().all(|m| *m < 0.05), "{missed:?}");
+}
+
+/// Recipe A with the two changes that make every seed succeed on the linear map of stepping: of 1000
+/// seeds the worst has a reward of −0.0029 and the median −0.00023 (as it stands: 28 of 1000 below
+/// −0.005, the worst −0.48, the median −0.00043).
+#[test]
+fn no_seed_is_stuck_where_all_actions_are_clipped() {
+    let config = ActorCriticConfig {
+        mean_weights_within_bounds: true,
+        trace_decay: 0.9,
+        ..stepping()
+    };
+    for seed in 0..100 {
+        let parameters = LinearGaussianParameters::stepping();
+        let mut map = LinearGaussianMap::new(parameters).unwrap();
+        let mut learner = ActorCritic {
+            config: config.clone(),
+        };
+        let policy = improve(&mut learner, &mut map, seed).unwrap().policy;
+        let SavedPolicy::GaussianNetwork(network) = &policy else {
+            panic!("not a network")
+        };
+        for base in 0..network.network().len() {
+            let mean = network.network().weights(base)[0] * 2.0;
+            assert!((-1.5..=5.0).contains(&mean), "{mean}");
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut x = map.reset(&mut rng).unwrap();
+        let mut sum = 0.0;
+        for k in 0..110 {
+            let stride = map.stride(&policy.mean(&x), &mut rng).unwrap();
+            sum += if k < 10 { 0.0 } else { stride.reward };
+            x = stride.next_state;
+        }
+        assert!(sum / 100.0 > -0.005, "seed {seed}: {}", sum / 100.0);
+    }
 }
