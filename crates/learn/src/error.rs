@@ -1,4 +1,4 @@
-use stridemap_returnmap::ProcessError;
+use stridemap_returnmap::{AnalysisError, ProcessError};
 
 /// What can go wrong when a policy is loaded or improved.
 #[derive(Debug, thiserror::Error)]
@@ -82,12 +82,17 @@ pub enum LearnError {
         /// Trial, from 1.
         trial: usize,
     },
-    /// The discrete algebraic Riccati iteration found no stabilising solution.
-    #[error("no stabilising feedback was found in {iterations} Riccati iterations")]
-    Riccati {
-        /// Iterations made.
-        iterations: usize,
+    /// Too few strides reached the next section for the process to be linearized.
+    #[error("{found} strides reached the next section, {needed} are needed to find a feedback")]
+    TooFewStrides {
+        /// Strides that did.
+        found: usize,
+        /// Strides needed.
+        needed: usize,
     },
+    /// No feedback could be found for the linearized process.
+    #[error(transparent)]
+    Feedback(#[from] AnalysisError),
     /// The process failed.
     #[error(transparent)]
     Process(#[from] ProcessError),

@@ -1,7 +1,8 @@
 //! Policies, and learners that improve them inside any [`stridemap_returnmap::StrideProcess`].
 //!
 //! A [`Learner`] is given a process and answers with a policy; the process may be the robot, the
-//! map learned of it, or an exact map with a known answer. [`ActorCritic`] is the paper's.
+//! map learned of it, or an exact map with a known answer. [`ActorCritic`] is the paper's;
+//! [`SearchLearner`] searches constants and adds linear-quadratic feedback.
 //! Policies go to files and come back as [`SavedPolicy`].
 //!
 //! # References
@@ -17,6 +18,7 @@
 //!   hierarchical reinforcement learning*, Robotics and Autonomous Systems 36, 2001.
 //! - \[PJ92\] B. T. Polyak and A. B. Juditsky, *Acceleration of stochastic approximation by
 //!   averaging*, SIAM Journal on Control and Optimization 30(4), 1992.
+//! - \[Hansen16\] N. Hansen, *The CMA evolution strategy: a tutorial*, arXiv:1604.00772, 2016.
 
 mod actor_critic;
 mod error;
@@ -25,6 +27,7 @@ mod learner;
 mod network;
 mod policy;
 mod saved;
+mod search;
 
 pub use actor_critic::{ActorCritic, ActorCriticConfig, ActorCriticRun};
 pub use error::LearnError;
@@ -33,3 +36,4 @@ pub use learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 pub use network::{Activations, NormalizedGaussianNetwork};
 pub use policy::{KeptPolicy, Policy};
 pub use saved::{ConstantPolicy, LinearPolicy, SavedPolicy};
+pub use search::{CmaEs, FeedbackConfig, SearchConfig, SearchLearner, StateBound};

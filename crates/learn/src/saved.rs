@@ -156,7 +156,7 @@ impl KeptPolicy for SavedPolicy {
     }
 }
 
-/// `u = clip(u₀ + K (x − x₀))`, with normal exploration about it if asked for.
+/// `u = clip(u₀ + limit(K (x − x₀)))`, with normal exploration about it if asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "LinearFile", into = "LinearFile")]
 pub struct LinearPolicy(Linear);
@@ -174,6 +174,8 @@ struct Linear {
     action: Vec<f64>,
     gain: Vec<Vec<f64>>,
     state: Vec<f64>,
+    /// Largest magnitude of the feedback per component; `f64::MAX` where it is not limited.
+    limit: Vec<f64>,
     std: Vec<f64>,
 }
 
@@ -183,6 +185,10 @@ impl Linear {
         let (n, m) = (self.spec.state.len(), self.spec.action.len());
         check_length("action", self.action.len(), m)?;
         check_length("std", self.std.len(), m)?;
+        check_length("feedback_limit", self.limit.len(), m)?;
+        for &l in &self.limit {
+            check_number("feedback_limit", l, l >= 0.0, "finite and not negative")?;
+        }
         if !self.gain.is_empty() {
             check_length("gain", self.gain.len(), m)?;
             check_length("state", self.state.len(), n)?;
@@ -219,7 +225,7 @@ impl Linear {
                         .map(|((k, x), x0)| k * (x - x0))
                         .sum()
                 });
-                self.action[j] + feedback
+                self.action[j] + feedback.clamp(-self.limit[j], self.limit[j])
             })
             .collect()
     }
@@ -260,7 +266,9 @@ impl LinearPolicy {
     ) -> Result<Self, LearnError> {
         check_length("gain", gain.len(), spec.action.len())?;
         let std = vec![0.0; spec.action.len()];
+        let limit = vec![f64::MAX; spec.action.len()];
         let linear = Linear {
+            limit,
             spec,
             action: action.to_vec(),
             gain: gain.to_vec(),
@@ -277,6 +285,17 @@ impl LinearPolicy {
     /// [`LearnError::Length`] or [`LearnError::Parameter`].
     pub fn exploring(mut self, std: &[f64]) -> Result<Self, LearnError> {
         self.0.std = std.to_vec();
+        self.0.check().map(Self)
+    }
+
+    /// The same policy with the feedback `K (x − x₀)` limited in magnitude, per component of the
+    /// action, in its unit; `f64::MAX` for no limit.
+    ///
+    /// # Errors
+    ///
+    /// [`LearnError::Length`] or [`LearnError::Parameter`].
+    pub fn limited(mut self, limit: &[f64]) -> Result<Self, LearnError> {
+        self.0.limit = limit.to_vec();
         self.0.check().map(Self)
     }
 
@@ -307,10 +326,12 @@ impl ConstantPolicy {
     /// [`LearnError::Length`] or [`LearnError::Parameter`] naming what does not fit.
     pub fn new(spec: ProcessSpec, action: &[f64]) -> Result<Self, LearnError> {
         let std = vec![0.0; spec.action.len()];
+        let limit = vec![f64::MAX; spec.action.len()];
         let action = action.to_vec();
         let linear = Linear {
             spec,
             action,
+            limit,
             gain: Vec::new(),
             state: Vec::new(),
             std,
@@ -371,6 +392,8 @@ struct LinearFile {
     gain: Vec<Vec<f64>>,
     state: Vec<f64>,
     #[serde(default)]
+    feedback_limit: Option<Vec<f64>>,
+    #[serde(default)]
     std: Option<Vec<f64>>,
 }
 
@@ -391,6 +414,7 @@ impl From<LinearPolicy> for LinearFile {
             action,
             gain,
             state,
+            limit,
             std,
         } = p;
         Self {
@@ -399,6 +423,7 @@ impl From<LinearPolicy> for LinearFile {
             action,
             gain,
             state,
+            feedback_limit: Some(limit),
             std: Some(std),
         }
     }
@@ -409,7 +434,10 @@ impl TryFrom<LinearFile> for LinearPolicy {
 
     fn try_from(file: LinearFile) -> Result<Self, LearnError> {
         check_format(file.format)?;
-        let policy = Self::new(file.spec, &file.action, &file.gain, &file.state)?;
+        let mut policy = Self::new(file.spec, &file.action, &file.gain, &file.state)?;
+        if let Some(limit) = file.feedback_limit {
+            policy = policy.limited(&limit)?;
+        }
         file.std
             .map_or(Ok(policy.clone()), |std| policy.exploring(&std))
     }

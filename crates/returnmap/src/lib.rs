@@ -14,12 +14,16 @@
 //!   human gait*, PhD thesis, Cornell University, 1998.
 //! - \[McGeer90\] T. McGeer, *Passive dynamic walking*, International Journal of Robotics Research
 //!   9(2), 1990.
+//! - \[Goswami98\] A. Goswami, B. Thuilot and B. Espiau, *A study of the passive gait of a
+//!   compass-like biped robot: symmetry and chaos*, International Journal of Robotics Research
+//!   17(12), 1998.
 //! - \[BT09\] K. Byl and R. Tedrake, *Metastable walking machines*, International Journal of Robotics
 //!   Research 28(8), 2009.
 //! - \[Bert12\] D. P. Bertsekas, *Dynamic programming and optimal control*, vol. II, 4th ed., 2012.
 
 mod action_law;
 mod analysis;
+mod compass_gait;
 mod learned;
 mod linear_gaussian;
 mod linear_quadratic;
@@ -32,6 +36,7 @@ mod stability;
 
 pub use action_law::{ActionLaw, ActionLimits};
 pub use analysis::{AnalysisError, MeanMap};
+pub use compass_gait::{CompassGait, CompassGaitParameters};
 pub use learned::{LearnedMap, MapFailure, MapSample, MapWorld, StateReward};
 pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
 pub use linear_quadratic::{LinearFeedback, linear_quadratic_feedback};

@@ -6,6 +6,7 @@ pub use config::ActorCriticConfig;
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use smallvec::SmallVec;
 use stridemap_returnmap::{Action, ProcessSpec, State, StrideEnd, StrideProcess};
 
 use crate::error::LearnError;
@@ -315,8 +316,7 @@ impl ActorCriticRun {
     fn update(&mut self, td_error: f64, alpha: f64, beta: f64, scores: &[f64]) {
         let (m, eta) = (scores.len() / 2, self.config.trace_decay);
         let logit_bounds = self.config.std_logit_bounds;
-        let limits = self.config.mean_weight_limit.as_deref();
-        let unit: Outputs = self.policy.action_unit().iter().copied().collect();
+        let mean_bounds = self.mean_weight_bounds();
         let rows = self
             .policy
             .network_mut()
@@ -328,11 +328,8 @@ impl ActorCriticRun {
                 *e = eta * *e + g * b;
                 *w += beta * td_error * *e;
             }
-            if let Some(limits) = limits {
-                for j in 0..m {
-                    let limit = limits[j] / unit[j];
-                    row[j] = row[j].clamp(-limit, limit);
-                }
+            for (w, [low, high]) in row.iter_mut().zip(&mean_bounds) {
+                *w = w.clamp(*low, *high);
             }
             if let Some([low, high]) = logit_bounds {
                 for w in &mut row[m..2 * m] {
@@ -341,6 +338,33 @@ impl ActorCriticRun {
             }
             row[2 * m] += alpha * td_error * b;
         }
+    }
+
+    /// Bounds of the mean weights per component, in outputs; empty if there are none.
+    fn mean_weight_bounds(&self) -> SmallVec<[[f64; 2]; 8]> {
+        let within = self.config.mean_weights_within_bounds;
+        let limits = self.config.mean_weight_limit.as_deref();
+        if !within && limits.is_none() {
+            return SmallVec::new();
+        }
+        let actions = self
+            .policy
+            .spec()
+            .action
+            .iter()
+            .zip(self.policy.action_unit());
+        actions
+            .enumerate()
+            .map(|(j, (bounds, unit))| {
+                let limit = limits.map_or(f64::INFINITY, |l| l[j] / unit);
+                if within {
+                    let (low, high) = (bounds.lower / unit, bounds.upper / unit);
+                    [low.clamp(-limit, limit), high.clamp(-limit, limit)]
+                } else {
+                    [-limit, limit]
+                }
+            })
+            .collect()
     }
 
     /// Adds a base at the state whose bases are in `here`, if none is active there.
