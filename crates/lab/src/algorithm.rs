@@ -71,8 +71,10 @@ pub struct Progress {
     pub final_performance: Option<Performance>,
     /// Strides run only to report.
     pub record_strides: usize,
-    /// Time spent.
+    /// Time spent, by kind of work.
     pub seconds: Seconds,
+    /// Time spent in all, files and figures' data included.
+    pub total_seconds: f64,
 }
 
 impl Progress {
@@ -142,6 +144,28 @@ pub trait Recorder {
     ///
     /// As [`Self::stride`].
     fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError>;
+}
+
+/// A recorder that keeps nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoRecorder;
+
+impl Recorder for NoRecorder {
+    fn stride(&mut self, _: &Transition, _: Option<&str>) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn map(&mut self, _: usize, _: &LearnedMap) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn trial(&mut self, _: usize, _: &TrialSummary) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
+        Ok(())
+    }
 }
 
 /// A phase of a run, in the order in which they come.
@@ -224,6 +248,14 @@ impl<'a> Algorithm<'a> {
     ///
     /// [`LabError`] of the room at fault, or of the recorder. What was recorded stays.
     pub fn learn(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
+        let started = Instant::now();
+        let before = self.progress.total_seconds;
+        let result = self.run_missing_phases(recorder);
+        self.progress.total_seconds = before + started.elapsed().as_secs_f64();
+        result
+    }
+
+    fn run_missing_phases(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         if self.progress.nominal.is_none() {
             self.measure_nominal(recorder)?;
         }

@@ -5,15 +5,15 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
-use stridemap_returnmap::{State, StrideProcess};
+use stridemap_returnmap::{
+    ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
+};
 
-use crate::algorithm::{Algorithm, Iteration, Phase, Progress, Recorder};
+use crate::algorithm::{Algorithm, Iteration, NoRecorder};
 use crate::error::LabError;
 use crate::plant::Plant;
 use crate::seed::{Role, stream};
-use crate::strides::{
-    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
-};
+use crate::strides::{ActionSource, Batch, Performance, StridePhase, StrideRole, make_strides};
 use crate::task::Task;
 
 /// Strides over which a frozen policy is measured on the robot.
@@ -81,6 +81,8 @@ pub struct CompareSeed {
     pub full_policy: SavedPolicy,
     /// States of the strides that the map was fitted to.
     pub states: Vec<State>,
+    /// States of the strides made by learning on the robot.
+    pub full_states: Vec<State>,
     /// Strides on the robot for the map; learning in it needs no more.
     pub gp_strides: usize,
     /// Strides on the robot for learning on it.
@@ -91,24 +93,30 @@ pub struct CompareSeed {
     pub full_falls: usize,
 }
 
-/// A recorder that keeps nothing.
-struct Forget;
+/// A process that remembers the states from which actions were taken.
+struct Remembering<'a> {
+    process: &'a mut dyn StrideProcess,
+    state: Option<State>,
+    visited: Vec<State>,
+}
 
-impl Recorder for Forget {
-    fn stride(&mut self, _: &Transition, _: Option<&str>) -> Result<(), LabError> {
-        Ok(())
+impl StrideProcess for Remembering<'_> {
+    fn spec(&self) -> &ProcessSpec {
+        self.process.spec()
     }
-    fn map(&mut self, _: usize, _: &stridemap_returnmap::LearnedMap) -> Result<(), LabError> {
-        Ok(())
+
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+        let state = self.process.reset(rng)?;
+        self.state = Some(state.clone());
+        Ok(state)
     }
-    fn trial(&mut self, _: usize, _: &stridemap_learn::TrialSummary) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
-        Ok(())
+
+    fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
+        let stride = self.process.stride(action, rng)?;
+        let next = (stride.end == StrideEnd::Crossing).then(|| stride.next_state.clone());
+        self.visited
+            .extend(std::mem::replace(&mut self.state, next));
+        Ok(stride)
     }
 }
 
@@ -164,8 +172,8 @@ fn measure(
 /// [`LabError`] of the room at fault.
 pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
     let mut algorithm = Algorithm::new(task, seed)?;
-    algorithm.collect(&mut Forget)?;
-    let mut map = algorithm.fit(&mut Forget)?;
+    algorithm.collect(&mut NoRecorder)?;
+    let mut map = algorithm.fit(&mut NoRecorder)?;
     let Iteration {
         strides: gp_strides,
         falls: gp_falls,
@@ -180,7 +188,13 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
 
     let plant = algorithm.plant_mut();
     let before = plant.counters();
-    let on_robot = frozen_policies(task, plant, &mut stream(seed, Role::FullModel, 0))?;
+    let mut robot = Remembering {
+        process: plant,
+        state: None,
+        visited: Vec::new(),
+    };
+    let on_robot = frozen_policies(task, &mut robot, &mut stream(seed, Role::FullModel, 0))?;
+    let full_states = robot.visited;
     let counted = plant.counters().since(before);
 
     let gp = measure(task, plant, &in_map, seed)?;
@@ -206,6 +220,7 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
             .iter()
             .map(|t| t.state.clone())
             .collect(),
+        full_states,
         gp_strides,
         full_strides: counted.strides,
         gp_falls,

@@ -32,7 +32,9 @@ pub mod seed;
 mod strides;
 mod task;
 
-pub use algorithm::{Algorithm, Iteration, Phase, Progress, Recorder, Seconds, fit_map};
+pub use algorithm::{
+    Algorithm, Iteration, NoRecorder, Phase, Progress, Recorder, Seconds, fit_map,
+};
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{
     ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, compare_seed, learning_curves, students_t,
@@ -49,5 +51,5 @@ pub use strides::{
 };
 pub use task::{
     ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, LearnerKind,
-    RecordConfig, Task,
+    RecordConfig, SuccessConfig, Task,
 };

@@ -12,6 +12,7 @@ use stridemap_section::SectionConfig;
 use crate::error::{Invalid, LabError};
 use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
 use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
+use crate::strides::Performance;
 
 /// One component of the action.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -114,6 +115,22 @@ pub struct RecordConfig {
     pub discard: usize,
 }
 
+/// When a run counts as a success, in the summary over seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SuccessConfig {
+    /// Least mean reward of the final policy.
+    pub mean_reward_at_least: f64,
+    /// Largest deviation of the final policy's mean `ψ_roll` from the target of the reward; left out
+    /// where the reward has no target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi_roll_within_deg: Option<f64>,
+    /// Most falls on the robot while learning.
+    pub falls_at_most: usize,
+    /// Most training and evaluation strides.
+    pub strides_at_most: usize,
+}
+
 /// A task, resolved: every value known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -146,9 +163,32 @@ pub struct Task {
     pub algorithm: AlgorithmConfig,
     /// Strides run only to report.
     pub record: RecordConfig,
+    /// When a run counts as a success.
+    pub success: SuccessConfig,
 }
 
 impl Task {
+    /// The wanted `ψ_roll`, where the reward has one.
+    #[must_use]
+    pub fn target_deg(&self) -> Option<f64> {
+        self.reward.iter().find_map(|term| term.target_deg)
+    }
+
+    /// Whether a measured policy, found with these strides and falls on the robot, is a success.
+    #[must_use]
+    pub fn is_success(&self, measured: &Performance, strides: usize, falls: usize) -> bool {
+        let s = &self.success;
+        let on_target = match (s.psi_roll_within_deg, self.target_deg()) {
+            (Some(within), Some(target)) => (measured.mean_psi_roll_deg - target).abs() <= within,
+            _ => true,
+        };
+        measured.mean_reward >= s.mean_reward_at_least
+            && on_target
+            && measured.falls == 0
+            && falls <= s.falls_at_most
+            && strides <= s.strides_at_most
+    }
+
     /// Checks what the types cannot, first fault first.
     ///
     /// # Errors

@@ -1,1 +1,11 @@
-//! Reads run directories and draws; computes nothing new.
+//! Reads run directories and draws them; computes nothing new.
+//!
+//! Every figure is a function from plain data to a [`Figure`], which writes itself as SVG, PNG and CSV.
+
+mod draw;
+mod error;
+mod figure;
+pub mod figures;
+
+pub use error::{ReportError, Result};
+pub use figure::{Figure, HoverPoint, write_aside};

@@ -207,6 +207,19 @@ impl RunDirectory {
         Ok(())
     }
 
+    /// Notes in the run's record that it ended.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::File`] or [`LabError::Content`].
+    pub fn end(&mut self) -> Result<(), LabError> {
+        let path = self.path.join("provenance.json");
+        let mut provenance: Provenance = read_json(&path)?;
+        provenance.end = Some(jiff::Timestamp::now().to_string());
+        write_json(&path, &provenance)?;
+        self.event("end", serde_json::json!({}))
+    }
+
     /// Writes `summary.json` and returns it.
     ///
     /// # Errors
@@ -365,6 +378,7 @@ fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), Lab
         final_performance: c.final_performance,
         record_strides: c.record_strides,
         seconds: c.seconds,
+        total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
     };
     Ok((
         progress,

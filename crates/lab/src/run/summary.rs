@@ -38,6 +38,8 @@ pub struct IterationSummary {
     pub mean_reward: Option<f64>,
     /// Of the policy measured to report.
     pub mean_psi_roll_deg: Option<f64>,
+    /// Whether this policy, measured to report, is what the task calls a success.
+    pub success: bool,
     /// Of the evaluation strides, which choose; null without them.
     pub evaluated_mean_reward: Option<f64>,
     /// Forward speed; null where the task does not measure it.
@@ -121,6 +123,9 @@ impl Summary {
                     log_marginal_likelihood: i.log_marginal_likelihood.clone(),
                     mean_reward: i.record.map(|p| p.mean_reward),
                     mean_psi_roll_deg: i.record.map(|p| p.mean_psi_roll_deg),
+                    success: i
+                        .record
+                        .is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),
                     evaluated_mean_reward: i.evaluation.map(|p| p.mean_reward),
                     speed_m_s: None,
                 }
@@ -142,7 +147,7 @@ impl Summary {
             final_policy: progress.final_performance.map(Measured::from),
             seconds: SecondsSummary {
                 by_work: s,
-                total: s.simulation + s.fit + s.improve,
+                total: progress.total_seconds,
             },
         }
     }

@@ -1,0 +1,249 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Improves an existing walking controller from a few dozen real steps.
+#[derive(Debug, Parser)]
+#[command(
+    name = "stridemap",
+    version,
+    about,
+    long_about = "Improves an existing walking controller from a few dozen real steps.\n\n\
+        A walking robot, seen once per step, is a noisy map x(k+1) = f(x(k), u(k)) + n(k). Stridemap \
+        learns that map from a few dozen steps, with its uncertainty (Gaussian process), improves the \
+        policy inside it (reinforcement learning), and gives it back to the robot. After Morimoto & \
+        Atkeson (2009), doi:10.1007/s10514-009-9133-z.",
+    after_help = "Start with:   stridemap learn stepping\n\
+        Your robot:   stridemap init my-robot.toml, edit it, then stridemap check my-robot.toml\n\n\
+        TASK is a built-in task (stepping, stepping-paper) or a TOML file. RUN is a run directory.\n\
+        Results go to stdout or files, progress to stderr. Exit codes: 0 done, 1 it went wrong while\n\
+        working, 2 the request was wrong (nothing was written)."
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What every command that makes numbers understands.
+#[derive(Clone, Debug, Args)]
+pub struct Common {
+    /// Root of every random stream: the same seed gives the same run.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Overrides one value of the task, e.g. `--set robot.mass_scale=1.05`; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Prints one JSON document on stdout instead of text.
+    #[arg(long)]
+    pub json: bool,
+    /// Threads for work over several seeds; results do not depend on it. Default: all processors.
+    #[arg(long)]
+    pub threads: Option<usize>,
+}
+
+/// A task and where its run goes.
+#[derive(Clone, Debug, Args)]
+pub struct NewRun {
+    /// A built-in task (stepping, stepping-paper) or the path of a task file.
+    pub task: String,
+    /// Directory of the run. Default: runs/TASK-SEED.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Options shared by most commands.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// A figure of the paper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FigureName {
+    /// Gaussian-process regression of a sine.
+    Fig7,
+    /// Learning curves: map against full model.
+    Fig8,
+    /// Policies: map against full model.
+    Fig9,
+    /// Return map under pushes.
+    Fig10,
+    /// Every figure, and a table: paper beside ours.
+    All,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Algorithm 1: collect strides, fit the map, improve the policy in it, give it back; repeat.
+    #[command(
+        after_help = "Examples:\n  stridemap learn stepping\n  stridemap learn stepping --seeds \
+        20 --out runs/twenty\n  stridemap learn my-robot.toml --set robot.friction=0.6\n  stridemap \
+        learn --resume runs/stepping-1"
+    )]
+    Learn {
+        /// A built-in task (stepping, stepping-paper) or the path of a task file.
+        #[arg(required_unless_present = "resume")]
+        task: Option<String>,
+        /// Directory of the run; with --seeds, of one directory per seed. Default: runs/TASK-SEED.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Goes on with a run that was stopped or killed; it ends as if it had never been.
+        #[arg(long, value_name = "RUN", conflicts_with_all = ["task", "out", "seeds"])]
+        resume: Option<PathBuf>,
+        /// Runs this many seeds, SEED, SEED+1, ..., in parallel, and sums them up.
+        #[arg(long)]
+        seeds: Option<u64>,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Makes the next batch of strides on the robot (starts a run, or goes on with one).
+    Collect {
+        /// A task, to start a run; or a run directory, to go on.
+        task: String,
+        /// Directory of the run. Default: runs/TASK-SEED.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Fits the map to the strides of a run, or of a CSV file, and says how far it can be trusted.
+    Fit {
+        /// A run directory, or a CSV file of strides with the columns of transitions.csv.
+        source: PathBuf,
+        /// The task whose columns a CSV file has.
+        #[arg(long, default_value = "stepping")]
+        task: String,
+        /// Writes the map to this file. Default: into the run.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Improves the policy of a run in the map of its strides.
+    Improve {
+        /// A run directory.
+        run: PathBuf,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Measures a run's policy on the robot, deterministically, from a fresh start; changes nothing.
+    #[command(
+        after_help = "Example, a robot that the policy has not seen:\n  stridemap evaluate \
+        runs/stepping-1 --strides 200 --set robot.mass_scale=1.05 --set robot.friction=0.6"
+    )]
+    Evaluate {
+        /// A run directory.
+        run: PathBuf,
+        /// Strides averaged, after the first 10.
+        #[arg(long, default_value_t = 100)]
+        strides: usize,
+        /// Measures the nominal gait instead.
+        #[arg(long)]
+        nominal: bool,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Applies a policy, learns nothing: a run's, or the nominal gait of a task.
+    Run {
+        /// A run directory.
+        #[arg(required_unless_present = "nominal")]
+        run: Option<PathBuf>,
+        /// The nominal gait of this task instead of a run's policy.
+        #[arg(long, value_name = "TASK", conflicts_with = "run")]
+        nominal: Option<String>,
+        /// For how long.
+        #[arg(long, default_value_t = 60.0)]
+        seconds: f64,
+        /// Writes every stride to this CSV file.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Pushes the robot at every 4th stride and fits its return map (Fig. 10).
+    Push {
+        /// A run directory.
+        run: PathBuf,
+        /// Largest lateral force on the torso, newtons.
+        #[arg(long, default_value_t = 40.0)]
+        force: f64,
+        /// For how long each push acts, seconds.
+        #[arg(long, default_value_t = 0.2)]
+        duration: f64,
+        /// Strides in all.
+        #[arg(long, default_value_t = 160)]
+        strides: usize,
+        /// Pushes the nominal gait instead.
+        #[arg(long)]
+        nominal: bool,
+        /// Writes push.csv and push.json into this directory. Default: nothing is written.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Learning in the map against learning on the robot itself, over seeds (Figs. 8 and 9).
+    Compare {
+        /// A built-in task (stepping, stepping-paper) or the path of a task file.
+        task: String,
+        /// Seeds: SEED, SEED+1, ...
+        #[arg(long, default_value_t = 5)]
+        seeds: u64,
+        /// Writes the figures and their data into this directory. Default: runs/compare-TASK-SEED.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Draws a figure of the paper from our own runs (SVG, PNG and CSV).
+    Reproduce {
+        /// Which one.
+        figure: FigureName,
+        /// Directory of the figures. Default: runs/reproduce.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Seeds behind Figs. 8 and 9 and the table.
+        #[arg(long, default_value_t = 5)]
+        seeds: u64,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Draws the figures of a run, or of several side by side.
+    Report {
+        /// Run directories.
+        #[arg(required = true)]
+        runs: Vec<PathBuf>,
+        /// Where the page of several runs goes. Default: report.html in the first one.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Looks at a task before anything is learned: robot, joint map, gait, sections, actions.
+    Check {
+        /// A built-in task or the path of a task file.
+        task: String,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
+    /// Writes a commented task file to start from.
+    Init {
+        /// The file. Default: my-robot.toml.
+        file: Option<PathBuf>,
+    },
+    /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run.
+    Bench {
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+    },
+}

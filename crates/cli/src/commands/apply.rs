@@ -1,0 +1,249 @@
+//! Applying a policy without learning: `evaluate`, `run`, `push`.
+
+use std::path::Path;
+
+use serde::Serialize;
+use stridemap_lab::run::{FinishedRun, TransitionTable, files};
+use stridemap_lab::seed::{Role, stream};
+use stridemap_lab::{
+    ActionSource, Algorithm, Batch, LabError, Performance, PushConfig, PushOutcome, StridePhase,
+    StrideRole, Task, Transition, builtin, make_strides, push as push_plant,
+};
+use stridemap_learn::SavedPolicy;
+use stridemap_returnmap::{StrideEnd, StrideProcess};
+
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+
+/// Strides left out of means: the start-up transient.
+const DISCARD: usize = 10;
+
+/// A run's task, with overrides, and its policy or the nominal gait.
+fn task_and_policy(
+    path: &Path,
+    nominal: bool,
+    common: &Common,
+) -> Result<(Task, SavedPolicy), Failure> {
+    let run = FinishedRun::open(path, &common.sets)?;
+    let policy = if nominal {
+        Algorithm::new(&run.task, 0)?.nominal_policy()?
+    } else {
+        run.policy()?
+    };
+    policy
+        .check_fits(&run.task.process_spec()?)
+        .map_err(LabError::from)?;
+    Ok((run.task, policy))
+}
+
+#[derive(Serialize)]
+struct Evaluated {
+    #[serde(flatten)]
+    performance: Performance,
+    policy: &'static str,
+}
+
+/// Measures a policy on the robot.
+pub fn evaluate(
+    path: &Path,
+    strides: usize,
+    nominal: bool,
+    common: &Common,
+) -> Result<(), Failure> {
+    if strides == 0 {
+        return Err(Failure::request("--strides must be at least 1"));
+    }
+    let (task, policy) = task_and_policy(path, nominal, common)?;
+    let mut plant = task.plant()?;
+    let batch = Batch {
+        iteration: 0,
+        phase: StridePhase::Record,
+        role: StrideRole::Record,
+        strides: strides + DISCARD,
+    };
+    let transitions = make_strides(
+        &mut plant,
+        &ActionSource::Mean(&policy),
+        batch,
+        &mut stream(common.seed, Role::Run, 0),
+        &mut |_, _| {},
+        &mut |_| Ok(()),
+    )?;
+    let shown = Evaluated {
+        performance: Performance::of(&transitions, DISCARD),
+        policy: if nominal { "nominal" } else { "learned" },
+    };
+    if common.json {
+        return output::json(&shown);
+    }
+    let p = &shown.performance;
+    output::line(format!(
+        "{} policy: reward {:+.4}, psi_roll {:.2} deg, {} falls, {} stalls in {} strides",
+        shown.policy, p.mean_reward, p.mean_psi_roll_deg, p.falls, p.stalls, p.strides
+    ));
+    Ok(())
+}
+
+#[derive(Serialize)]
+struct Walked {
+    seconds: f64,
+    upright_s: f64,
+    strides: usize,
+    falls: usize,
+    stalls: usize,
+    mean_reward: f64,
+    mean_psi_roll_deg: f64,
+    stride_duration_s: f64,
+    forward_m: f64,
+    left_m: f64,
+    speed_m_s: f64,
+}
+
+/// Applies a policy for some time, until the first fall.
+pub fn run(
+    path: Option<&Path>,
+    nominal: Option<&str>,
+    seconds: f64,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
+    if !(seconds.is_finite() && seconds > 0.0) {
+        return Err(Failure::request("--seconds must be positive"));
+    }
+    let (task, policy) = match (path, nominal) {
+        (Some(path), _) => task_and_policy(path, false, common)?,
+        (None, Some(name)) => {
+            let task = builtin::load(name, &common.sets)?.task;
+            let policy = Algorithm::new(&task, 0)?.nominal_policy()?;
+            (task, policy)
+        }
+        (None, None) => return Err(Failure::request("run needs a RUN or --nominal TASK")),
+    };
+    let mut plant = task.plant()?;
+    let mut rng = stream(common.seed, Role::Run, 0);
+    let table = TransitionTable::new(plant.spec());
+    let mut rows = vec![table.header()];
+    let mut transitions: Vec<Transition> = Vec::new();
+    let batch = Batch {
+        iteration: 0,
+        phase: StridePhase::Record,
+        role: StrideRole::Record,
+        strides: usize::MAX,
+    };
+    // The batch has no end of its own: time or a fall ends it, by way of an error that is none.
+    let result = make_strides(
+        &mut plant,
+        &ActionSource::Mean(&policy),
+        Batch {
+            strides: batch.strides.min(1_000_000),
+            ..batch
+        },
+        &mut rng,
+        &mut |_, _| {},
+        &mut |t| {
+            rows.push(table.row(t));
+            transitions.push(t.clone());
+            if t.end != StrideEnd::Crossing || t.time_s >= seconds {
+                return Err(LabError::Interrupted { path: "run".into() });
+            }
+            Ok(())
+        },
+    );
+    match result {
+        Ok(_) | Err(LabError::Interrupted { .. }) => {}
+        Err(error) => return Err(error.into()),
+    }
+    if let Some(out) = out {
+        files::write_whole(out, (rows.join("\n") + "\n").as_bytes())?;
+    }
+    let performance = Performance::of(&transitions, 0);
+    let walked_s: f64 = transitions.iter().map(|t| t.measures.duration_s).sum();
+    let forward_m: f64 = transitions.iter().map(|t| t.measures.forward_m).sum();
+    let shown = Walked {
+        seconds,
+        upright_s: transitions.last().map_or(0.0, |t| t.time_s),
+        strides: performance.strides,
+        falls: performance.falls,
+        stalls: performance.stalls,
+        mean_reward: performance.mean_reward,
+        mean_psi_roll_deg: performance.mean_psi_roll_deg,
+        stride_duration_s: walked_s / performance.strides.max(1) as f64,
+        forward_m,
+        left_m: transitions.iter().map(|t| t.measures.left_m).sum(),
+        speed_m_s: if walked_s > 0.0 {
+            forward_m / walked_s
+        } else {
+            0.0
+        },
+    };
+    if common.json {
+        return output::json(&shown);
+    }
+    output::line(format!(
+        "upright for {:.1} of {seconds} s: {} strides of {:.3} s, psi_roll {:.2} deg, reward {:+.4}, {} \
+         falls, {} stalls; {:+.2} m forward, {:+.2} m to the left",
+        shown.upright_s,
+        shown.strides,
+        shown.stride_duration_s,
+        shown.mean_psi_roll_deg,
+        shown.mean_reward,
+        shown.falls,
+        shown.stalls,
+        shown.forward_m,
+        shown.left_m,
+    ));
+    Ok(())
+}
+
+/// Pairs of a push experiment as CSV.
+pub fn push_table(outcome: &PushOutcome) -> String {
+    let mut text = String::from("k,psi_roll_deg,psi_roll_after_2_deg,force_n\n");
+    for p in &outcome.data {
+        text += &format!(
+            "{},{},{},{}\n",
+            p.k, p.psi_roll_deg, p.psi_roll_after_2_deg, p.force_n
+        );
+    }
+    text
+}
+
+/// Pushes the robot and fits its return map.
+pub fn push(
+    path: &Path,
+    config: PushConfig,
+    nominal: bool,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    if !(positive(config.force_n) && positive(config.duration_s) && config.strides > 0) {
+        return Err(Failure::request(
+            "--force, --duration and --strides must be positive",
+        ));
+    }
+    let (task, policy) = task_and_policy(path, nominal, common)?;
+    let mut plant = task.plant()?;
+    let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
+    if let Some(out) = out {
+        files::create_dir(out)?;
+        files::write_whole(&out.join("push.csv"), push_table(&outcome).as_bytes())?;
+        files::write_json(&out.join("push.json"), &outcome)?;
+    }
+    if common.json {
+        return output::json(&outcome);
+    }
+    let number = |x: Option<f64>| x.map_or("undefined".into(), |x| format!("{x:.3}"));
+    output::line(format!(
+        "return map psi_roll(k) -> psi_roll(k+2) under pushes of up to {} N for {} s: slope {} (+- {}), \
+         fixed point {} deg, {} falls, {} pairs",
+        outcome.force_n,
+        outcome.duration_s,
+        number(outcome.slope),
+        number(outcome.slope_std_error),
+        number(outcome.fixed_point_deg),
+        outcome.falls,
+        outcome.pairs
+    ));
+    Ok(())
+}

@@ -1,0 +1,240 @@
+//! `compare`: learning in the map against learning on the robot itself.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use stridemap_lab::run::files;
+use stridemap_lab::{
+    ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, builtin, compare_seed, learning_curves,
+};
+use stridemap_learn::{Policy, SavedPolicy};
+use stridemap_report::figures::{Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig8, fig9};
+
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+use crate::parallel;
+use crate::progress::SeedProgress;
+
+/// What `compare --json` prints.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Name of the task.
+    pub experiment: String,
+    /// Seeds behind every mean and standard deviation.
+    pub seeds: u64,
+    /// Strides on the robot per seed: for the map, and for learning on it.
+    pub robot_strides: RobotStrides,
+    /// The two learning curves; the first entry is before any learning.
+    pub trials: Vec<ComparePoint>,
+    /// What the curves show, in words.
+    pub finding: Finding,
+}
+
+/// Strides and falls on the robot that each arm needed, summed over seeds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RobotStrides {
+    /// Collected for the map.
+    pub gp: usize,
+    /// Made by learning on the robot.
+    pub full: usize,
+    /// Falls while collecting for the map.
+    pub gp_falls: usize,
+    /// Falls while learning on the robot.
+    pub full_falls: usize,
+}
+
+/// Whether the paper's two observations hold here.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Finding {
+    /// Mean over the first half of the trials of the standard deviation over seeds.
+    pub early_sd: Pair,
+    /// Mean reward over the last quarter of the trials.
+    pub late_mean: Pair,
+    /// Whether the GP curve varies more early, as the paper found.
+    pub gp_varies_more_early: bool,
+    /// Whether the GP curve is better late, as the paper found.
+    pub gp_better_late: bool,
+}
+
+/// One number for each arm.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Pair {
+    /// Learned in the map.
+    pub gp: f64,
+    /// Learned on the robot.
+    pub full: f64,
+}
+
+fn finding(trials: &[ComparePoint]) -> Finding {
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let half = &trials[1.min(trials.len())..trials.len().div_ceil(2)];
+    let late = &trials[trials.len() - trials.len().div_ceil(4)..];
+    let sd = |s: &Spread| s.sd.unwrap_or(0.0);
+    let early_sd = Pair {
+        gp: mean(half.iter().map(|t| sd(&t.gp)).collect()),
+        full: mean(half.iter().map(|t| sd(&t.full)).collect()),
+    };
+    let late_mean = Pair {
+        gp: mean(late.iter().map(|t| t.gp.mean).collect()),
+        full: mean(late.iter().map(|t| t.full.mean).collect()),
+    };
+    Finding {
+        gp_varies_more_early: early_sd.gp > early_sd.full,
+        gp_better_late: late_mean.gp > late_mean.full,
+        early_sd,
+        late_mean,
+    }
+}
+
+/// Runs both arms for several seeds in parallel.
+pub fn run_arms(
+    name: &str,
+    seeds: u64,
+    common: &Common,
+) -> Result<(Comparison, Vec<CompareSeed>), Failure> {
+    if seeds == 0 {
+        return Err(Failure::request("--seeds must be at least 1"));
+    }
+    let task = builtin::load(name, &common.sets)?.task;
+    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let progress = SeedProgress::new(list.len());
+    let arms = parallel::over(&list, common.threads, |&seed| {
+        let result = compare_seed(&task, seed);
+        progress.done(&format!("seed {seed}"));
+        result
+    })?;
+    let arms = arms.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let trials = learning_curves(&arms);
+    let comparison = Comparison {
+        experiment: task.name.clone(),
+        seeds,
+        robot_strides: RobotStrides {
+            gp: arms.iter().map(|a| a.gp_strides).sum(),
+            full: arms.iter().map(|a| a.full_strides).sum(),
+            gp_falls: arms.iter().map(|a| a.gp_falls).sum(),
+            full_falls: arms.iter().map(|a| a.full_falls).sum(),
+        },
+        finding: finding(&trials),
+        trials,
+    };
+    Ok((comparison, arms))
+}
+
+/// Fig. 8 of a comparison.
+pub fn fig8_data(comparison: &Comparison) -> Fig8 {
+    let spread = |s: &Spread| MeanSd {
+        mean: s.mean,
+        sd: s.sd.unwrap_or(0.0),
+    };
+    Fig8 {
+        trials: comparison
+            .trials
+            .iter()
+            .map(|t| TrialComparison {
+                trial: u32::try_from(t.trial).unwrap_or(u32::MAX),
+                gp: spread(&t.gp),
+                full: spread(&t.full),
+                p_value: t.p_value,
+            })
+            .collect(),
+        seeds: u32::try_from(comparison.seeds).unwrap_or(u32::MAX),
+        strides: STRIDES_PER_POINT as u32,
+    }
+}
+
+/// Fig. 9 of a comparison.
+pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
+    let states: Vec<f64> = (0..=60).map(|i| 0.1 * f64::from(i)).collect();
+    let curve = |policies: Vec<&SavedPolicy>, visited: Vec<f64>| {
+        let spreads: Vec<Spread> = states
+            .iter()
+            .map(|x| {
+                Spread::of(
+                    &policies
+                        .iter()
+                        .map(|p| p.mean(&[*x])[0])
+                        .collect::<Vec<_>>(),
+                )
+            })
+            .collect();
+        PolicyCurve {
+            mean: spreads.iter().map(|s| s.mean).collect(),
+            sd: spreads.iter().map(|s| s.sd.unwrap_or(0.0)).collect(),
+            visited,
+        }
+    };
+    let visited = |of: &dyn Fn(&CompareSeed) -> Vec<f64>| arms.iter().flat_map(of).collect();
+    Fig9 {
+        gp: curve(
+            arms.iter().map(|a| &a.gp_policy).collect(),
+            visited(&|a| a.states.iter().map(|s| s[0]).collect()),
+        ),
+        full: curve(
+            arms.iter().map(|a| &a.full_policy).collect(),
+            visited(&|a| a.full_states.iter().map(|s| s[0]).collect()),
+        ),
+        psi_roll_deg: states,
+        seeds: u32::try_from(arms.len()).unwrap_or(u32::MAX),
+        action_label: "A_{step} (deg)".into(),
+    }
+}
+
+/// Runs the comparison, writes its figures, prints its table.
+pub fn compare(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    let (comparison, arms) = run_arms(name, seeds, common)?;
+    let dir = out.map_or_else(
+        || PathBuf::from("runs").join(format!("compare-{}-{}", comparison.experiment, common.seed)),
+        Path::to_path_buf,
+    );
+    files::create_dir(&dir)?;
+    files::write_json(&dir.join("compare.json"), &comparison)?;
+    fig8(&fig8_data(&comparison))?.write(&dir)?;
+    // The paper's figure is of one state and one action.
+    let one_by_one = arms.first().is_some_and(|a| {
+        let spec = a.gp_policy.spec();
+        spec.state.len() == 1 && spec.action.len() == 1
+    });
+    if one_by_one {
+        fig9(&fig9_data(&arms))?.write(&dir)?;
+    }
+    if common.json {
+        return output::json(&comparison);
+    }
+    output::line("trial   GP map: mean (sd)        full model: mean (sd)      p");
+    for t in &comparison.trials {
+        let sd = |s: &Spread| s.sd.map_or("   -  ".into(), |sd| format!("{sd:.4}"));
+        let p = t.p_value.map_or("-".into(), |p| format!("{p:.3}"));
+        output::line(format!(
+            "{:>5}   {:+.4} ({})        {:+.4} ({})        {p}",
+            t.trial,
+            t.gp.mean,
+            sd(&t.gp),
+            t.full.mean,
+            sd(&t.full)
+        ));
+    }
+    let (f, r) = (&comparison.finding, &comparison.robot_strides);
+    output::line(format!(
+        "strides on the robot: {} for the maps ({} falls), {} for learning on the robot ({} falls)",
+        r.gp, r.gp_falls, r.full, r.full_falls
+    ));
+    output::line(format!(
+        "early spread over seeds: map {:.4}, robot {:.4} (paper: the map's is larger; here it {})",
+        f.early_sd.gp,
+        f.early_sd.full,
+        if f.gp_varies_more_early {
+            "is too"
+        } else {
+            "is not"
+        }
+    ));
+    output::line(format!(
+        "late reward: map {:+.4}, robot {:+.4} (paper: the map is slightly better; here it {})",
+        f.late_mean.gp,
+        f.late_mean.full,
+        if f.gp_better_late { "is too" } else { "is not" }
+    ));
+    output::line(format!("{}", dir.join("fig8.svg").display()));
+    Ok(())
+}

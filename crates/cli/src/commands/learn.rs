@@ -1,0 +1,306 @@
+//! `learn`: Algorithm 1, once or over seeds, from the start or resumed.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde::Serialize;
+use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Summary, Watcher};
+use stridemap_lab::{Algorithm, LabError, Performance, Task, builtin};
+
+use super::{provenance, run_path};
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+use crate::parallel;
+use crate::progress::{RunProgress, SeedProgress, stop_flag};
+
+/// Runs a task, once or for several seeds.
+pub fn learn(
+    name: &str,
+    out: Option<&Path>,
+    seeds: Option<u64>,
+    common: &Common,
+) -> Result<(), Failure> {
+    let loaded = builtin::load(name, &common.sets)?;
+    match seeds {
+        None => {
+            let path = run_path(out, &loaded.task, common.seed);
+            let watcher = Box::new(RunProgress::new(&loaded.task));
+            let summary = start(name, &loaded, &path, common, &stop_flag(), watcher)?;
+            super::report::draw(&path)?;
+            show(&loaded.task, &summary, &path, common.json)
+        }
+        Some(0) => Err(Failure::request("--seeds must be at least 1")),
+        Some(count) => over_seeds(name, &loaded, out, count, common),
+    }
+}
+
+/// Runs one seed from the start to the end.
+fn start(
+    name: &str,
+    loaded: &builtin::LoadedTask,
+    path: &Path,
+    common: &Common,
+    stop: &Arc<AtomicBool>,
+    watcher: Box<dyn Watcher>,
+) -> Result<Summary, Failure> {
+    let record = provenance("learn", name, &loaded.task, common)?;
+    let mut directory = RunDirectory::create(
+        path,
+        &loaded.task,
+        &loaded.resolved,
+        &record,
+        Arc::clone(stop),
+        watcher,
+    )?;
+    let mut algorithm = Algorithm::new(&loaded.task, common.seed)?;
+    finish(&mut algorithm, &mut directory)
+}
+
+/// Runs what is missing and writes the summary, also when something goes wrong on the way.
+fn finish(algorithm: &mut Algorithm<'_>, directory: &mut RunDirectory) -> Result<Summary, Failure> {
+    let result = algorithm.learn(directory);
+    let summary = directory.write_summary(&algorithm.progress);
+    match result {
+        Ok(()) => {
+            directory.end()?;
+            Ok(summary?)
+        }
+        Err(error) => {
+            // The first error is the one to tell; what was gathered is in the directory.
+            let _ = directory.event(
+                "stopped",
+                serde_json::json!({ "reason": error.to_string() }),
+            );
+            Err(error.into())
+        }
+    }
+}
+
+/// Goes on with a run.
+pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
+    if !common.sets.is_empty() {
+        return Err(Failure::request(
+            "--resume goes on with the run's own task; leave out --set",
+        ));
+    }
+    let FinishedRun {
+        task, provenance, ..
+    } = FinishedRun::open(path, &[])?;
+    let watcher = Box::new(RunProgress::new(&task));
+    let (mut directory, progress) =
+        RunDirectory::resume(path, &task, provenance.seed, stop_flag(), watcher)?;
+    let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+    let summary = finish(&mut algorithm, &mut directory)?;
+    super::report::draw(path)?;
+    show(&task, &summary, path, common.json)
+}
+
+/// Shows what a run achieved.
+fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), Failure> {
+    if json {
+        return output::json(summary);
+    }
+    let strides = summary.strides.training + summary.strides.evaluation;
+    let falls: usize = summary.iterations.iter().map(|i| i.falls).sum();
+    output::line(format!("{} (seed {})", task.name, summary.seed));
+    let row = |name: &str, p: &Performance| {
+        output::line(format!(
+            "  {name:<8} reward {:+.4}   psi_roll {:.2} deg   {} falls in {} strides",
+            p.mean_reward, p.mean_psi_roll_deg, p.falls, p.strides
+        ));
+    };
+    if let Some(nominal) = &summary.nominal {
+        row("nominal", &nominal.performance);
+    }
+    if let Some(policy) = &summary.final_policy {
+        row("final", &policy.performance);
+        let verdict = if task.is_success(&policy.performance, strides, falls) {
+            "success"
+        } else {
+            "below what the task calls a success"
+        };
+        output::line(format!(
+            "  learned from {strides} strides on the robot with {falls} falls: {verdict}"
+        ));
+    }
+    let s = summary.seconds.by_work;
+    output::line(format!(
+        "  {:.1} s: robot {:.2}, fit {:.3}, improve {:.3}",
+        summary.seconds.total, s.simulation, s.fit, s.improve
+    ));
+    output::line(format!("  {}", path.join("report.html").display()));
+    Ok(())
+}
+
+/// Success over seeds after some strides on the robot.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct SuccessAt {
+    strides: usize,
+    successes: usize,
+    seeds: usize,
+    median_mean_reward: f64,
+}
+
+/// `learn --seeds`: the summary over seeds.
+#[derive(Clone, Debug, Serialize)]
+struct SeedsSummary {
+    experiment: String,
+    seeds: usize,
+    successes: usize,
+    failed_seeds: Vec<u64>,
+    median_mean_reward: f64,
+    worst_mean_reward: f64,
+    median_psi_roll_deg: f64,
+    falls_while_learning: usize,
+    falls_in_final: usize,
+    strides_per_run: usize,
+    success_against_strides: Vec<SuccessAt>,
+    runs: Vec<Summary>,
+}
+
+/// Median; NaN of nothing.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    match n {
+        0 => f64::NAN,
+        _ if n % 2 == 1 => sorted[n / 2],
+        _ => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
+    }
+}
+
+fn over_seeds(
+    name: &str,
+    loaded: &builtin::LoadedTask,
+    out: Option<&Path>,
+    count: u64,
+    common: &Common,
+) -> Result<(), Failure> {
+    let task = &loaded.task;
+    let seeds: Vec<u64> = (common.seed..common.seed + count).collect();
+    let path_of = |seed: u64| -> PathBuf {
+        let own = format!("{}-{seed}", task.name);
+        out.map_or_else(|| PathBuf::from("runs").join(&own), |dir| dir.join(&own))
+    };
+    // All or nothing: a directory that is taken is found before the first stride.
+    for &seed in &seeds {
+        let path = path_of(seed);
+        if path.join("config.toml").exists() {
+            return Err(Failure::Request(
+                LabError::RunDirectory {
+                    path,
+                    problem: "holds a run already; choose another directory with --out".into(),
+                }
+                .into(),
+            ));
+        }
+    }
+    let stop = stop_flag();
+    let progress = SeedProgress::new(seeds.len());
+    let results = parallel::over(&seeds, common.threads, |&seed| {
+        let common = Common {
+            seed,
+            ..common.clone()
+        };
+        let result = start(
+            name,
+            loaded,
+            &path_of(seed),
+            &common,
+            &stop,
+            Box::new(NoWatcher),
+        );
+        match &result {
+            Ok(s) => progress.done(&format!(
+                "seed {seed}: reward {:+.4}",
+                s.final_policy
+                    .map_or(f64::NAN, |f| f.performance.mean_reward)
+            )),
+            Err(failure) => progress.done(&format!("seed {seed}: {}", failure.error())),
+        }
+        result
+    })?;
+    let runs = results
+        .into_iter()
+        .collect::<Result<Vec<Summary>, Failure>>()?;
+    let summary = sum_up(task, runs);
+    if common.json {
+        return output::json(&summary);
+    }
+    output::line(format!(
+        "{}: {} of {} seeds succeed; reward median {:+.5}, worst {:+.5}; psi_roll median {:.3} deg; \
+         {} falls while learning, {} in final; {} strides a run",
+        summary.experiment,
+        summary.successes,
+        summary.seeds,
+        summary.median_mean_reward,
+        summary.worst_mean_reward,
+        summary.median_psi_roll_deg,
+        summary.falls_while_learning,
+        summary.falls_in_final,
+        summary.strides_per_run,
+    ));
+    if !summary.failed_seeds.is_empty() {
+        output::line(format!("  seeds that do not: {:?}", summary.failed_seeds));
+    }
+    for at in &summary.success_against_strides {
+        output::line(format!(
+            "  after {:>3} strides: {:>3} of {} ({:.0} %), median reward {:+.5}",
+            at.strides,
+            at.successes,
+            at.seeds,
+            100.0 * at.successes as f64 / at.seeds as f64,
+            at.median_mean_reward
+        ));
+    }
+    Ok(())
+}
+
+fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
+    let falls = |s: &Summary| s.iterations.iter().map(|i| i.falls).sum::<usize>();
+    let strides = |s: &Summary| s.strides.training + s.strides.evaluation;
+    let finals: Vec<Performance> = runs
+        .iter()
+        .filter_map(|s| s.final_policy.map(|f| f.performance))
+        .collect();
+    let succeeded = |s: &&Summary| {
+        s.final_policy
+            .is_some_and(|f| task.is_success(&f.performance, strides(s), falls(s)))
+    };
+    let rewards: Vec<f64> = finals.iter().map(|p| p.mean_reward).collect();
+    let psis: Vec<f64> = finals.iter().map(|p| p.mean_psi_roll_deg).collect();
+    let iterations = runs.iter().map(|s| s.iterations.len()).max().unwrap_or(0);
+    let success_against_strides = (0..iterations)
+        .map(|i| {
+            let at: Vec<_> = runs.iter().filter_map(|s| s.iterations.get(i)).collect();
+            let measured: Vec<f64> = at.iter().filter_map(|i| i.mean_reward).collect();
+            SuccessAt {
+                strides: at.iter().map(|i| i.strides_so_far).max().unwrap_or(0),
+                successes: at.iter().filter(|i| i.success).count(),
+                seeds: at.len(),
+                median_mean_reward: median(&measured),
+            }
+        })
+        .collect();
+    SeedsSummary {
+        experiment: task.name.clone(),
+        seeds: runs.len(),
+        successes: runs.iter().filter(succeeded).count(),
+        failed_seeds: runs
+            .iter()
+            .filter(|s| !succeeded(s))
+            .map(|s| s.seed)
+            .collect(),
+        median_mean_reward: median(&rewards),
+        worst_mean_reward: rewards.iter().copied().fold(f64::INFINITY, f64::min),
+        median_psi_roll_deg: median(&psis),
+        falls_while_learning: runs.iter().map(falls).sum(),
+        falls_in_final: finals.iter().map(|p| p.falls).sum(),
+        strides_per_run: runs.iter().map(strides).max().unwrap_or(0),
+        success_against_strides,
+        runs,
+    }
+}

@@ -1,0 +1,348 @@
+//! `reproduce`: the paper's figures from our own runs.
+
+use std::path::{Path, PathBuf};
+
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::Serialize;
+use stridemap_gp::{Gp, Hyperparameters, Kernel, Mean, Points};
+use stridemap_lab::run::files;
+use stridemap_lab::seed::{Role, stream};
+use stridemap_lab::{Algorithm, LabError, Performance, PushConfig, PushOutcome, builtin, push};
+use stridemap_learn::SavedPolicy;
+use stridemap_report::figures::{Fig7, Fig10, ReturnMap, ReturnPair, fig7, fig8, fig9, fig10};
+
+use super::compare::{Comparison, fig8_data, fig9_data, run_arms};
+use crate::args::{Common, FigureName};
+use crate::failure::Failure;
+use crate::output;
+use crate::parallel;
+use crate::progress::SeedProgress;
+
+/// The paper's pushes \[MA09, sec. 6.1\].
+const PUSHES: PushConfig = PushConfig {
+    force_n: 40.0,
+    duration_s: 0.2,
+    strides: 160,
+};
+
+/// Draws one figure, or all and the table.
+pub fn reproduce(
+    figure: FigureName,
+    out: Option<&Path>,
+    seeds: u64,
+    common: &Common,
+) -> Result<(), Failure> {
+    let dir = out.map_or_else(
+        || PathBuf::from("runs").join("reproduce"),
+        Path::to_path_buf,
+    );
+    files::create_dir(&dir)?;
+    let mut rows = Vec::new();
+    let wanted = |name| figure == name || figure == FigureName::All;
+    if wanted(FigureName::Fig7) {
+        output::note("fig7: Gaussian-process regression of a sine");
+        fig7(&fig7_data(common.seed)?)?.write(&dir)?;
+    }
+    if wanted(FigureName::Fig8) || wanted(FigureName::Fig9) {
+        output::note("fig8, fig9: learning in the map against learning on the full model");
+        let (comparison, arms) = run_arms("stepping-paper", seeds, common)?;
+        if wanted(FigureName::Fig8) {
+            fig8(&fig8_data(&comparison))?.write(&dir)?;
+        }
+        if wanted(FigureName::Fig9) {
+            fig9(&fig9_data(&arms))?.write(&dir)?;
+        }
+        rows.extend(rows_of_comparison(&comparison));
+    }
+    if wanted(FigureName::Fig10) {
+        output::note("fig10: return map under pushes, nominal gait and learned policy");
+        let pushed = pushed_policies(seeds, common)?;
+        fig10(&fig10_data(&pushed[0]))?.write(&dir)?;
+        rows.extend(rows_of_pushes(&pushed));
+    }
+    if figure == FigureName::All {
+        let table = markdown(&rows);
+        files::write_whole(&dir.join("table.md"), table.as_bytes())?;
+        files::write_json(&dir.join("table.json"), &rows)?;
+        if !common.json {
+            output::line(table.trim_end());
+        }
+    }
+    if common.json {
+        return output::json(&rows);
+    }
+    output::line(format!("figures (SVG, PNG, CSV) are in {}", dir.display()));
+    Ok(())
+}
+
+/// The paper's simple example \[MA09, sec. 4.1\]: ten samples of a sine with noise of variance 0.01,
+/// under v₀ = 1, v₁ = 0.01, v_k = 1.
+fn fig7_data(seed: u64) -> Result<Fig7, Failure> {
+    let mut rng = stream(seed, Role::Fit, 0);
+    let sample_x: Vec<f64> = (0..10)
+        .map(|_| 2.0 * std::f64::consts::PI * rng.random::<f64>())
+        .collect();
+    let sample_y: Vec<f64> = sample_x
+        .iter()
+        .map(|x| {
+            let z: f64 = StandardNormal.sample(&mut rng);
+            x.sin() + 0.1 * z
+        })
+        .collect();
+    let hyperparameters = Hyperparameters {
+        length_scales: vec![1.0],
+        signal_variance: 1.0,
+        noise_variance: 0.01,
+    };
+    let fitted = Points::new(&sample_x, 1).and_then(|points| {
+        Gp::condition(
+            points,
+            &sample_y,
+            Kernel::SquaredExponential,
+            Mean::Zero,
+            hyperparameters,
+        )
+    });
+    let gp = fitted.map_err(|error| Failure::working(error.to_string()))?;
+    let x: Vec<f64> = (0..=200)
+        .map(|i| 2.0 * std::f64::consts::PI * f64::from(i) / 200.0)
+        .collect();
+    let (mut mean, mut std) = (Vec::new(), Vec::new());
+    for x in &x {
+        let p = gp
+            .predict(&[*x])
+            .map_err(|error| Failure::working(error.to_string()))?;
+        mean.push(p.mean);
+        std.push(p.latent_variance.sqrt());
+    }
+    Ok(Fig7 {
+        target: x.iter().map(|x| x.sin()).collect(),
+        x,
+        mean,
+        std,
+        std_with_noise: false,
+        sample_x,
+        sample_y,
+    })
+}
+
+/// Pushes of one seed's nominal gait and learned policy.
+struct Pushed {
+    nominal: PushOutcome,
+    learned: PushOutcome,
+    nominal_performance: Performance,
+    final_performance: Performance,
+    strides: usize,
+    target_deg: Option<f64>,
+}
+
+/// Learns `stepping` and pushes the result, per seed.
+fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> {
+    let task = builtin::load("stepping", &common.sets)?.task;
+    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let progress = SeedProgress::new(list.len());
+    let results = parallel::over(&list, common.threads, |&seed| -> Result<Pushed, LabError> {
+        let mut algorithm = Algorithm::new(&task, seed)?;
+        algorithm.learn(&mut stridemap_lab::NoRecorder)?;
+        let no_policy = || LabError::TooFewStrides {
+            found: 0,
+            needed: 1,
+        };
+        let policy: SavedPolicy = algorithm
+            .progress
+            .best_policy()
+            .cloned()
+            .ok_or_else(no_policy)?;
+        let nominal_policy = algorithm.nominal_policy()?;
+        let (nominal_performance, final_performance) = (
+            algorithm.progress.nominal.ok_or_else(no_policy)?,
+            algorithm.progress.final_performance.ok_or_else(no_policy)?,
+        );
+        let strides = algorithm.progress.transitions.len();
+        let plant = algorithm.plant_mut();
+        let nominal = push(plant, &nominal_policy, PUSHES, seed, &mut |_| Ok(()))?;
+        let learned = push(plant, &policy, PUSHES, seed, &mut |_| Ok(()))?;
+        progress.done(&format!("seed {seed}"));
+        Ok(Pushed {
+            nominal,
+            learned,
+            nominal_performance,
+            final_performance,
+            strides,
+            target_deg: task.target_deg(),
+        })
+    })?;
+    Ok(results.into_iter().collect::<Result<Vec<_>, _>>()?)
+}
+
+/// The pairs of a push experiment as the figure wants them.
+pub fn return_map(name: &str, outcome: &PushOutcome) -> ReturnMap {
+    ReturnMap {
+        name: name.into(),
+        pairs: outcome
+            .data
+            .iter()
+            .map(|p| ReturnPair {
+                psi_roll_deg: p.psi_roll_deg,
+                psi_roll_after_2_deg: p.psi_roll_after_2_deg,
+                force_n: Some(p.force_n),
+            })
+            .collect(),
+        slope: outcome.slope,
+        fixed_point_deg: outcome.fixed_point_deg,
+        falls: u32::try_from(outcome.falls).unwrap_or(u32::MAX),
+    }
+}
+
+fn fig10_data(pushed: &Pushed) -> Fig10 {
+    Fig10 {
+        maps: vec![
+            return_map("nominal gait", &pushed.nominal),
+            return_map("learned policy", &pushed.learned),
+        ],
+        target_deg: pushed.target_deg,
+        force_n: Some(PUSHES.force_n),
+        duration_s: Some(PUSHES.duration_s),
+    }
+}
+
+/// One row of the table: paper beside ours.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    what: String,
+    paper: String,
+    ours: String,
+    command: String,
+}
+
+fn row(what: &str, paper: &str, ours: String, command: &str) -> Row {
+    Row {
+        what: what.into(),
+        paper: paper.into(),
+        ours,
+        command: command.into(),
+    }
+}
+
+fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
+    let command = format!("compare stepping-paper --seeds {}", c.seeds);
+    let last = c.trials.last();
+    let reward = |of: &dyn Fn(&stridemap_lab::ComparePoint) -> stridemap_lab::Spread| {
+        last.map_or("-".into(), |t| {
+            let s = of(t);
+            format!(
+                "{:+.4} (sd {:.4}, n = {})",
+                s.mean,
+                s.sd.unwrap_or(0.0),
+                c.seeds
+            )
+        })
+    };
+    let (gp, full) = (reward(&|t| t.gp), reward(&|t| t.full));
+    let better: Vec<String> = c
+        .trials
+        .iter()
+        .filter(|t| t.gp.mean > t.full.mean && t.p_value.is_some_and(|p| p < 0.05))
+        .map(|t| t.trial.to_string())
+        .collect();
+    let yes_no = |yes: bool| if yes { "yes" } else { "no" };
+    vec![
+        row(
+            "Fig. 8: reward after the last trial, learned in the GP map",
+            "about 0 (read off)",
+            gp,
+            &command,
+        ),
+        row(
+            "Fig. 8: reward after the last trial, full model",
+            "about 0 (read off)",
+            full,
+            &command,
+        ),
+        row(
+            "Fig. 8: the GP curve varies more early",
+            "yes",
+            yes_no(c.finding.gp_varies_more_early).into(),
+            &command,
+        ),
+        row(
+            "Fig. 8: trials in which the GP policy is better (p < 0.05)",
+            "after the 8th",
+            if better.is_empty() {
+                "none".into()
+            } else {
+                better.join(", ")
+            },
+            &command,
+        ),
+    ]
+}
+
+fn rows_of_pushes(pushed: &[Pushed]) -> Vec<Row> {
+    let median = |values: Vec<f64>| super::learn::median(&values);
+    let command = format!("reproduce fig10 --seeds {}", pushed.len());
+    let n = pushed.len();
+    let slopes =
+        |of: &dyn Fn(&Pushed) -> Option<f64>| pushed.iter().filter_map(of).collect::<Vec<_>>();
+    let falls: usize = pushed.iter().map(|p| p.learned.falls).sum();
+    vec![
+        row(
+            "Fig. 10: slope of the return map k -> k+2 under pushes",
+            "much smaller than one",
+            format!(
+                "{:.2} (median, n = {n}); nominal gait {:.2}",
+                median(slopes(&|p| p.learned.slope)),
+                median(slopes(&|p| p.nominal.slope))
+            ),
+            &command,
+        ),
+        row(
+            "Fig. 10: fixed point, target 2.0 deg",
+            "2.3 deg",
+            format!(
+                "{:.2} deg (median)",
+                median(slopes(&|p| p.learned.fixed_point_deg))
+            ),
+            &command,
+        ),
+        row(
+            "Fig. 10: falls under pushes",
+            "none reported",
+            format!("{falls} in {n} runs"),
+            &command,
+        ),
+        row(
+            "Sec. 6.1: mean reward of the final policy",
+            "about 0 (Fig. 8)",
+            format!(
+                "{:+.4} (median) from {} strides; nominal gait {:+.4}",
+                median(
+                    pushed
+                        .iter()
+                        .map(|p| p.final_performance.mean_reward)
+                        .collect()
+                ),
+                pushed.first().map_or(0, |p| p.strides),
+                median(
+                    pushed
+                        .iter()
+                        .map(|p| p.nominal_performance.mean_reward)
+                        .collect()
+                )
+            ),
+            "learn stepping",
+        ),
+    ]
+}
+
+fn markdown(rows: &[Row]) -> String {
+    let mut text = String::from("| what | paper | ours | command |\n|---|---|---|---|\n");
+    for r in rows {
+        text += &format!(
+            "| {} | {} | {} | `stridemap {}` |\n",
+            r.what, r.paper, r.ours, r.command
+        );
+    }
+    text
+}

@@ -1,0 +1,73 @@
+//! `check` and `init`: before anything is learned.
+
+use std::path::Path;
+
+use stridemap_lab::run::files;
+use stridemap_lab::{builtin, check as look};
+
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+
+/// Looks at a task and says whether it can work.
+pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
+    let task = builtin::load(name, &common.sets)?.task;
+    let report = look(&task, common.seed)?;
+    if common.json {
+        output::json(&report)?;
+    } else {
+        for joint in &report.joints {
+            let sign = if joint.inverted { "-" } else { " " };
+            output::line(format!(
+                "  {:>5} {:<11} {sign}{:<20} {:>7.1} to {:>6.1} deg, rest {:>6.1}  {:?}",
+                format!("{:?}", joint.side).to_lowercase(),
+                joint.joint.name(),
+                joint.model_joint,
+                joint.range_deg[0],
+                joint.range_deg[1],
+                joint.rest_deg,
+                joint.actuator
+            ));
+        }
+        for item in &report.items {
+            let mark = if item.ok { "ok  " } else { "FAIL" };
+            output::line(format!("{mark}  {:<13} {}", item.what, item.found));
+        }
+        for g in &report.gains {
+            output::line(format!(
+                "      d next {} / d {} = {:+.3} +- {:.3}",
+                g.state, g.action, g.gain, g.std_error
+            ));
+        }
+    }
+    if report.ok {
+        if !common.json {
+            output::line(format!("{name} can work; next: stridemap learn {name}"));
+        }
+        Ok(())
+    } else {
+        Err(Failure::working(format!(
+            "{name} cannot work yet: see what FAILs above"
+        )))
+    }
+}
+
+/// A task file to start from.
+const TEMPLATE: &str = include_str!("../../templates/my-robot.toml");
+
+/// Writes a commented task file.
+pub fn init(file: Option<&Path>) -> Result<(), Failure> {
+    let path = file.unwrap_or(Path::new("my-robot.toml"));
+    if path.exists() {
+        return Err(Failure::request(format!(
+            "{} exists; choose another name or remove it",
+            path.display()
+        )));
+    }
+    files::write_whole(path, TEMPLATE.as_bytes())?;
+    output::line(format!(
+        "wrote {0}\n  edit it, then: stridemap check {0}, and stridemap learn {0}",
+        path.display()
+    ));
+    Ok(())
+}

@@ -1,0 +1,184 @@
+//! The four verbs of Algorithm 1, one at a time: `collect`, `fit`, `improve` (and `evaluate`, in
+//! [`apply`](super::apply)).
+
+use std::path::Path;
+
+use serde::Serialize;
+use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
+use stridemap_lab::{Algorithm, Performance, Phase, builtin, fit_map};
+use stridemap_returnmap::{LearnedMap, SavedMap};
+
+use super::{provenance, run_path};
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+use crate::progress::{RunProgress, stop_flag};
+
+/// Makes the next batch of strides: starts a run of a task, or goes on with a run.
+pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    let run = Path::new(task_or_run);
+    if run.join("config.toml").exists() {
+        if out.is_some() || !common.sets.is_empty() {
+            return Err(Failure::request(
+                "a run goes on in its own directory with its own task",
+            ));
+        }
+        let FinishedRun {
+            task, provenance, ..
+        } = FinishedRun::open(run, &[])?;
+        let watcher = Box::new(RunProgress::new(&task));
+        let (mut directory, progress) =
+            RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
+        let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+        if algorithm.progress.policies.len() < algorithm.progress.iterations.len() {
+            return Err(Failure::request(format!(
+                "{}: this batch is collected; `stridemap improve` the policy in its map first",
+                run.display()
+            )));
+        }
+        algorithm.collect(&mut directory)?;
+        return show_batch(&algorithm, &mut directory, common.json);
+    }
+    let loaded = builtin::load(task_or_run, &common.sets)?;
+    let path = run_path(out, &loaded.task, common.seed);
+    let record = provenance("collect", task_or_run, &loaded.task, common)?;
+    let watcher = Box::new(RunProgress::new(&loaded.task));
+    let (task, resolved) = (&loaded.task, &loaded.resolved);
+    let mut directory = RunDirectory::create(&path, task, resolved, &record, stop_flag(), watcher)?;
+    let mut algorithm = Algorithm::new(task, common.seed)?;
+    algorithm.collect(&mut directory)?;
+    show_batch(&algorithm, &mut directory, common.json)
+}
+
+#[derive(Serialize)]
+struct BatchShown {
+    run: String,
+    iteration: usize,
+    strides: usize,
+    performance: Performance,
+}
+
+fn show_batch(
+    algorithm: &Algorithm<'_>,
+    directory: &mut RunDirectory,
+    json: bool,
+) -> Result<(), Failure> {
+    directory.write_summary(&algorithm.progress)?;
+    let progress = &algorithm.progress;
+    let iteration = progress.iterations.len();
+    let first = progress
+        .transitions
+        .partition_point(|t| t.iteration < iteration);
+    let batch = &progress.transitions[first..];
+    let shown = BatchShown {
+        run: directory.path().display().to_string(),
+        iteration,
+        strides: batch.len(),
+        performance: Performance::of(batch, 0),
+    };
+    if json {
+        return output::json(&shown);
+    }
+    output::line(format!(
+        "{}: batch {iteration}, {} strides, {} falls, mean reward {:+.4}\n  next: stridemap improve {}",
+        shown.run, shown.strides, shown.performance.falls, shown.performance.mean_reward, shown.run
+    ));
+    Ok(())
+}
+
+/// Fits the map to the strides of a run or of a CSV file.
+pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    let (map, iteration, default_out) = if source.is_dir() {
+        let run = FinishedRun::open(source, &common.sets)?;
+        let iteration = run.progress.iterations.len();
+        let seed = run.provenance.seed;
+        let map = fit_map(&run.task, &run.progress.transitions, seed, iteration)?;
+        (
+            map,
+            iteration,
+            Some(source.join(format!("map/{iteration}.json"))),
+        )
+    } else {
+        let task = builtin::load(task, &common.sets)?.task;
+        let table = TransitionTable::new(&task.process_spec()?);
+        let transitions = table.read(source, None)?;
+        (fit_map(&task, &transitions, common.seed, 1)?, 1, None)
+    };
+    let saved = map
+        .to_saved(iteration)
+        .map_err(stridemap_lab::LabError::from)?;
+    if let Some(path) = out.map(Path::to_path_buf).or(default_out) {
+        files::write_json(&path, &saved)?;
+        output::note(format!("wrote {}", path.display()));
+    }
+    show_map(&map, &saved, common.json)
+}
+
+fn show_map(map: &LearnedMap, saved: &SavedMap, json: bool) -> Result<(), Failure> {
+    if json {
+        return output::json(saved);
+    }
+    output::line(format!("map of {} strides", map.samples().len()));
+    for o in &saved.outputs {
+        let scales: Vec<String> = o.length_scales.iter().map(|l| format!("{l:.3}")).collect();
+        output::line(format!(
+            "  next {}: log marginal likelihood {:.3}, length scales [{}], signal std {:.3}, noise std \
+             {:.4}",
+            o.name,
+            o.log_marginal_likelihood,
+            scales.join(", "),
+            o.signal_variance.sqrt(),
+            o.noise_variance.sqrt()
+        ));
+        if let Some(scores) = &o.card.leave_one_out {
+            output::line(format!(
+                "    leave-one-out: rmse {:.4}, mean log density {:.3}, 90 % interval holds {:.0} %",
+                scores.rmse,
+                scores.mean_log_density,
+                100.0 * scores.coverage_90
+            ));
+        }
+        for warning in &o.warnings {
+            output::line(format!("    warning: {warning}"));
+        }
+    }
+    Ok(())
+}
+
+/// Improves the policy of a run in the map of its strides.
+pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
+    let FinishedRun {
+        task, provenance, ..
+    } = FinishedRun::open(run, &[])?;
+    let watcher = Box::new(RunProgress::new(&task));
+    let (mut directory, progress) =
+        RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
+    let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+    let (policies, iterations) = (
+        algorithm.progress.policies.len(),
+        algorithm.progress.iterations.len(),
+    );
+    if policies == iterations {
+        return Err(Failure::request(format!(
+            "{}: nothing new to learn from; `stridemap collect` a batch first",
+            run.display()
+        )));
+    }
+    let map = algorithm.fit(&mut directory)?;
+    algorithm.improve(&map, &mut directory)?;
+    let summary = directory.write_summary(&algorithm.progress)?;
+    directory.event(
+        "verb",
+        serde_json::json!({ "verb": "improve", "phase": Phase::Improve }),
+    )?;
+    if json {
+        return output::json(&summary);
+    }
+    output::line(format!(
+        "{}: policy {iterations} improved in a map of {} strides\n  next: stridemap evaluate {0}, or \
+         stridemap collect {0}",
+        run.display(),
+        map.samples().len()
+    ));
+    Ok(())
+}

@@ -1,0 +1,107 @@
+//! The `stridemap` command: owns files, configuration, progress and the seed.
+
+mod args;
+mod commands;
+mod failure;
+mod output;
+mod parallel;
+mod progress;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Cli, Command};
+use crate::failure::Failure;
+
+/// The git revision from which this binary was built.
+const GIT_REVISION: Option<&str> = option_env!("STRIDEMAP_GIT_REVISION");
+
+fn main() -> ExitCode {
+    // clap answers --help with 0 and wrong usage with 2, as we do.
+    let cli = Cli::parse();
+    match run(cli.command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            output::error(&failure);
+            failure.exit_code()
+        }
+    }
+}
+
+fn run(command: Command) -> Result<(), Failure> {
+    match command {
+        Command::Learn {
+            task,
+            out,
+            resume,
+            seeds,
+            common,
+        } => match (resume, task) {
+            (Some(run), _) => commands::learn::resume(&run, &common),
+            (None, Some(task)) => commands::learn::learn(&task, out.as_deref(), seeds, &common),
+            (None, None) => Err(Failure::request("learn needs a task or --resume RUN")),
+        },
+        Command::Collect { task, out, common } => {
+            commands::verbs::collect(&task, out.as_deref(), &common)
+        }
+        Command::Fit {
+            source,
+            task,
+            out,
+            common,
+        } => commands::verbs::fit(&source, &task, out.as_deref(), &common),
+        Command::Improve { run, json } => commands::verbs::improve(&run, json),
+        Command::Evaluate {
+            run,
+            strides,
+            nominal,
+            common,
+        } => commands::apply::evaluate(&run, strides, nominal, &common),
+        Command::Run {
+            run,
+            nominal,
+            seconds,
+            out,
+            common,
+        } => commands::apply::run(
+            run.as_deref(),
+            nominal.as_deref(),
+            seconds,
+            out.as_deref(),
+            &common,
+        ),
+        Command::Push {
+            run,
+            force,
+            duration,
+            strides,
+            nominal,
+            out,
+            common,
+        } => {
+            let config = stridemap_lab::PushConfig {
+                force_n: force,
+                duration_s: duration,
+                strides,
+            };
+            commands::apply::push(&run, config, nominal, out.as_deref(), &common)
+        }
+        Command::Compare {
+            task,
+            seeds,
+            out,
+            common,
+        } => commands::compare::compare(&task, seeds, out.as_deref(), &common),
+        Command::Reproduce {
+            figure,
+            out,
+            seeds,
+            common,
+        } => commands::reproduce::reproduce(figure, out.as_deref(), seeds, &common),
+        Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
+        Command::Check { task, common } => commands::task::check(&task, &common),
+        Command::Init { file } => commands::task::init(file.as_deref()),
+        Command::Bench { json } => commands::bench::bench(json),
+    }
+}

@@ -1,0 +1,34 @@
+//! Checks at the door of every figure: shapes and finiteness.
+
+use crate::error::{ReportError, Result};
+
+/// Refuses a column of another length or with a value that is not finite.
+pub(crate) fn column(figure: &str, name: &str, values: &[f64], expected: usize) -> Result<()> {
+    if values.len() != expected {
+        return Err(ReportError::Shape {
+            figure: figure.to_owned(),
+            column: name.to_owned(),
+            found: values.len(),
+            expected,
+        });
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(ReportError::NotFinite {
+            figure: figure.to_owned(),
+            column: name.to_owned(),
+            index,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses an empty figure.
+pub(crate) fn some(figure: &str, what: &str, n: usize) -> Result<()> {
+    if n == 0 {
+        return Err(ReportError::Empty {
+            figure: figure.to_owned(),
+            what: what.to_owned(),
+        });
+    }
+    Ok(())
+}

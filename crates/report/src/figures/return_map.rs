@@ -1,0 +1,239 @@
+//! Fig. 10 of the paper: the return map under pushes.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{column, some};
+use super::paper::PSI;
+use crate::draw::{Anchor, Axis, Dash, Key, Mark, Panel, Sheet, signed};
+use crate::error::Result;
+use crate::figure::Figure;
+
+/// A pair of states two strides apart, the first being the section after a push.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReturnPair {
+    /// State at section k, degrees.
+    pub psi_roll_deg: f64,
+    /// State at section k + 2, degrees.
+    pub psi_roll_after_2_deg: f64,
+    /// The push before section k, newtons; `None` if there was none.
+    pub force_n: Option<f64>,
+}
+
+/// Pairs and the line through them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReturnMap {
+    /// What was run: `nominal gait`, `learned policy`.
+    pub name: String,
+    /// The pairs, falls excluded.
+    pub pairs: Vec<ReturnPair>,
+    /// Slope of the least-squares line; `None` if there were too few pairs.
+    pub slope: Option<f64>,
+    /// Where the line meets the identity, degrees: intercept / (1 - slope).
+    pub fixed_point_deg: Option<f64>,
+    /// Falls under the pushes, which give no pair.
+    pub falls: u32,
+}
+
+/// Return maps of one or more policies beside each other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fig10 {
+    /// In the order in which they stand, at most three.
+    pub maps: Vec<ReturnMap>,
+    /// The desired state, degrees, if the task has one.
+    pub target_deg: Option<f64>,
+    /// Greatest force of a push, newtons.
+    pub force_n: Option<f64>,
+    /// Duration of a push, seconds.
+    pub duration_s: Option<f64>,
+}
+
+/// Draws Fig. 10: pairs, linear fit (dashed), identity, fixed point (circle), all panels on equal axes.
+///
+/// # Errors
+///
+/// [`ReportError`](crate::ReportError) if there is no map, no pair in any, or a value that is not finite.
+pub fn fig10(data: &Fig10) -> Result<Figure> {
+    let stem = "fig10";
+    some(stem, "pairs", data.maps.iter().map(|m| m.pairs.len()).sum())?;
+    for map in &data.maps {
+        let flat: Vec<f64> = map
+            .pairs
+            .iter()
+            .flat_map(|p| [p.psi_roll_deg, p.psi_roll_after_2_deg])
+            .collect();
+        column(stem, &map.name, &flat, 2 * map.pairs.len())?;
+    }
+    let values = || {
+        data.maps.iter().flat_map(|m| {
+            m.pairs
+                .iter()
+                .flat_map(|p| [p.psi_roll_deg, p.psi_roll_after_2_deg])
+        })
+    };
+    let axis = |label: String| Axis::covering(&label, values());
+    let panels = data
+        .maps
+        .iter()
+        .map(|m| {
+            (
+                1.0,
+                axis(format!("{PSI}(k) (deg)")),
+                axis(format!("{PSI}(k + 2) (deg)")),
+                Some(m.name.as_str()),
+            )
+        })
+        .collect();
+    let mut sheet = Sheet::new(stem, "Return map under pushes");
+    let height = if data.maps.len() > 2 { 200.0 } else { 285.0 };
+    let drawn = sheet.row(height, panels);
+    for (mut p, map) in drawn.into_iter().zip(&data.maps) {
+        draw(&mut p, map, data.target_deg);
+        sheet.add(p);
+    }
+    Ok(sheet.finish(&caption(data), &alt(data), csv(data)))
+}
+
+fn draw(p: &mut Panel, map: &ReturnMap, target: Option<f64>) {
+    p.line(
+        &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
+        "ref",
+        Dash::Solid,
+        1.1,
+    );
+    if let Some(target) = target {
+        p.upward(target, "ref", Dash::Dotted);
+        p.across(target, "ref", Dash::Dotted);
+        p.key("desired state", Key::Line("ref", Dash::Dotted));
+    }
+    let points: Vec<(f64, f64)> = map
+        .pairs
+        .iter()
+        .map(|q| (q.psi_roll_deg, q.psi_roll_after_2_deg))
+        .collect();
+    p.marks(&points, "s0", Mark::Dot, 4.2);
+    for pair in &map.pairs {
+        let force = pair
+            .force_n
+            .map_or_else(String::new, |f| format!(", push {} N", signed(f, 1)));
+        p.hover(
+            pair.psi_roll_deg,
+            pair.psi_roll_after_2_deg,
+            format!(
+                "{}: {} to {} deg{force}",
+                map.name,
+                signed(pair.psi_roll_deg, 2),
+                signed(pair.psi_roll_after_2_deg, 2)
+            ),
+        );
+    }
+    if let (Some(slope), Some(fixed)) = (map.slope, map.fixed_point_deg) {
+        let at = |x: f64| fixed + slope * (x - fixed);
+        p.line(
+            &[(p.x.min, at(p.x.min)), (p.x.max, at(p.x.max))],
+            "s1",
+            Dash::Dashed,
+            2.2,
+        );
+        p.marks(&[(fixed, fixed)], "s1", Mark::Circle, 6.0);
+        p.hover(
+            fixed,
+            fixed,
+            format!("{}: fixed point {} deg", map.name, signed(fixed, 2)),
+        );
+        let (x, y) = (p.left + p.width - 6.0, p.top + p.height - 26.0);
+        p.note_px(
+            x,
+            y,
+            Anchor::End,
+            "",
+            &format!("slope {}", signed(slope, 2)),
+        );
+        p.note_px(
+            x,
+            y + 16.0,
+            Anchor::End,
+            "",
+            &format!("fixed point {}°", signed(fixed, 2)),
+        );
+    }
+    p.key("pairs", Key::Mark("s0", Mark::Dot));
+    p.key("linear fit", Key::Line("s1", Dash::Dashed));
+    p.key("fixed point", Key::Mark("s1", Mark::Circle));
+    p.key("identity", Key::Line("ref", Dash::Solid));
+}
+
+fn caption(data: &Fig10) -> String {
+    let push = match (data.force_n, data.duration_s) {
+        (Some(force), Some(duration)) => {
+            format!(
+                " Lateral pushes, uniform within ±{} N, for {} s.",
+                signed(force, 0),
+                signed(duration, 1)
+            )
+        }
+        _ => String::new(),
+    };
+    let each: Vec<String> = data
+        .maps
+        .iter()
+        .map(|m| {
+            let line = match (m.slope, m.fixed_point_deg) {
+                (Some(slope), Some(fixed)) => {
+                    format!(
+                        "slope {}, fixed point {} deg",
+                        signed(slope, 2),
+                        signed(fixed, 2)
+                    )
+                }
+                _ => "too few pairs for a line".to_owned(),
+            };
+            let falls = match m.falls {
+                0 => "no fall".to_owned(),
+                1 => "1 fall".to_owned(),
+                n => format!("{n} falls"),
+            };
+            format!("{}: {line} (n = {} pairs, {falls})", m.name, m.pairs.len())
+        })
+        .collect();
+    let target = data.target_deg.map_or_else(String::new, |t| {
+        format!(" Dotted: the desired state, {} deg.", signed(t, 1))
+    });
+    format!(
+        "Fig. 10 of the paper. State at a section against the state two strides later, k being the first section after a \
+         push.{push} Each point is one pair, without averaging; dashed: least squares; circle: where it meets the \
+         identity. {}.{target} The paper: \u{201c}coefficient much smaller than one\u{201d}, fixed point 2.3 deg for a \
+         target of 2.0 deg.",
+        each.join("; ")
+    )
+}
+
+fn alt(data: &Fig10) -> String {
+    let each: Vec<String> = data
+        .maps
+        .iter()
+        .map(|m| match m.slope {
+            Some(slope) => format!("{} with slope {}", m.name, signed(slope, 2)),
+            None => m.name.clone(),
+        })
+        .collect();
+    format!(
+        "Scatter plots of psi_roll two strides after a push against psi_roll after it: {}.",
+        each.join("; ")
+    )
+}
+
+fn csv(data: &Fig10) -> String {
+    let mut csv = String::from("map,psi_roll_deg,psi_roll_after_2_deg,force_n\n");
+    for map in &data.maps {
+        for pair in &map.pairs {
+            let force = pair.force_n.map_or_else(String::new, |f| f.to_string());
+            csv.push_str(&format!(
+                "{},{},{},{force}\n",
+                map.name.replace(',', " "),
+                pair.psi_roll_deg,
+                pair.psi_roll_after_2_deg
+            ));
+        }
+    }
+    csv
+}
