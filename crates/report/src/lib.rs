@@ -6,6 +6,9 @@ mod draw;
 mod error;
 mod figure;
 pub mod figures;
+mod report;
+pub mod run;
 
 pub use error::{ReportError, Result};
 pub use figure::{Figure, HoverPoint, write_aside};
+pub use report::{Section, comparison, sections, write_figures};

@@ -260,7 +260,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
             significant.push(t.trial.to_string());
             let row = p.top + 11.0;
             let column = p.px(*x);
-            p.note_px(column, row, Anchor::Middle, "", "∗");
+            p.note_px(column, row + 4.0, Anchor::Middle, "pnl", "*");
             p.hover(
                 *x,
                 p.y.max,
@@ -275,12 +275,12 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
     let tested = if significant.is_empty() {
         "no trial has p < .05".to_owned()
     } else {
-        format!("∗: p < .05, at trial {}", significant.join(", "))
+        format!("* marks p < .05, at trial {}", significant.join(", "))
     };
     let end = data.trials[data.trials.len() - 1];
     let caption = format!(
         "Fig. 8 of the paper. Reward on the plant of the frozen stochastic policy, averaged over {} strides; mean and \
-         standard deviation (bars) over n = {} seeds. Vertical axis even within ±{}, logarithmic beyond. \
+         standard deviation (bars) over n = {} seeds. Vertical axis linear within ±{}, logarithmic beyond. \
          Student's t per trial, two-sided: {tested}. After trial {}: GP map {} ± {}, full model {} ± {}. \
          The paper (5 runs): the GP map varies more early, is comparable after 10 trials and slightly better after \
          the 8th (p < .05).",

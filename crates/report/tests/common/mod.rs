@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 pub mod figures;
+pub mod run;
 
 /// A small deterministic generator (Numerical Recipes' LCG), for fixtures only.
 pub struct Lcg(pub u64);

@@ -1,0 +1,635 @@
+//! What a run learned: the policy and the map.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{column, some};
+use super::names::{label, quantity};
+use crate::draw::{
+    Axis, Dash, Key, Mark, Panel, Sheet, contour_lines, extent, number, plain, ramp_color, signed,
+};
+use crate::error::Result;
+use crate::figure::Figure;
+use crate::run::{Columns, StrideRow};
+
+/// A policy on lines through the state space, as `figures/data/policy-<iteration>.csv` holds it.
+///
+/// All columns are equally long; a line varies one component of the state.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PolicyGrid {
+    /// Which component of the state varies along the line of each row.
+    pub along: Vec<usize>,
+    /// One column per component of the state.
+    pub state: Vec<Vec<f64>>,
+    /// Mean of each component of the action.
+    pub mean: Vec<Vec<f64>>,
+    /// Standard deviation of each component of the action: how much the policy explores.
+    pub std: Vec<Vec<f64>>,
+    /// Value function, if it is known.
+    pub value: Option<Vec<f64>>,
+    /// Centres of the basis functions.
+    pub centres: Vec<Vec<f64>>,
+}
+
+/// A policy with the states that the robot visited.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PolicyFigure {
+    /// Iteration whose policy is drawn.
+    pub iteration: u32,
+    /// Names of state and action.
+    pub columns: Columns,
+    /// The policy.
+    pub grid: PolicyGrid,
+    /// An earlier policy, drawn thin, with its iteration.
+    pub earlier: Vec<(u32, PolicyGrid)>,
+    /// Strides whose states make the rug.
+    pub strides: Vec<StrideRow>,
+}
+
+fn check_policy(stem: &str, data: &PolicyFigure) -> Result<()> {
+    let n = data.grid.along.len();
+    some(stem, "no row of the policy", n)?;
+    let groups = [
+        (&data.grid.state, &data.columns.state, "state"),
+        (&data.grid.mean, &data.columns.action, "mean"),
+        (&data.grid.std, &data.columns.action, "std"),
+    ];
+    for (columns, names, what) in groups {
+        some(stem, what, columns.len().min(names.len()))?;
+        for (values, name) in columns.iter().zip(names) {
+            column(stem, &format!("{what} {name}"), values, n)?;
+        }
+    }
+    Ok(())
+}
+
+/// Draws mean and standard deviation of each action over each component of the state, and the value
+/// function if there is one, with basis centres and a rug of the visited states.
+///
+/// # Errors
+///
+/// [`ReportError`](crate::ReportError) if columns differ in length, hold a value that is not finite, or are empty.
+pub fn policy(data: &PolicyFigure) -> Result<Figure> {
+    let stem = "policy";
+    check_policy(stem, data)?;
+    let (states, actions) = (data.grid.state.len(), data.grid.mean.len());
+    let mut sheet = Sheet::new(stem, "What it learned: the policy");
+    let height = if states * actions == 1 { 260.0 } else { 150.0 };
+    for action in 0..actions {
+        let y = action_axis(data, action);
+        let specs = (0..states)
+            .map(|s| {
+                let (lo, hi) = extent(
+                    line(&data.grid, s)
+                        .into_iter()
+                        .map(|i| data.grid.state[s][i]),
+                );
+                let x = Axis::linear_with(
+                    &label(&data.columns.state[s], ""),
+                    lo,
+                    hi,
+                    6.0 / states as f64 + 2.0,
+                );
+                (1.0, x, y.clone(), None)
+            })
+            .collect();
+        for (s, mut p) in sheet.row(height, specs).into_iter().enumerate() {
+            policy_panel(&mut p, data, s, action);
+            sheet.add(p);
+        }
+    }
+    if let Some(value) = &data.grid.value {
+        column(stem, "value", value, data.grid.along.len())?;
+        let specs = (0..states)
+            .map(|s| {
+                let rows = line(&data.grid, s);
+                let (lo, hi) = extent(rows.iter().map(|i| data.grid.state[s][*i]));
+                let x = Axis::linear(&label(&data.columns.state[s], ""), lo, hi);
+                (1.0, x, Axis::covering("value", value.iter().copied()), None)
+            })
+            .collect();
+        for (s, mut p) in sheet.row(120.0, specs).into_iter().enumerate() {
+            let points: Vec<(f64, f64)> = line(&data.grid, s)
+                .into_iter()
+                .map(|i| (data.grid.state[s][i], value[i]))
+                .collect();
+            p.line(&points, "s3", Dash::Solid, 2.0);
+            for (x, y) in points.iter().step_by((points.len() / 40).max(1)) {
+                p.hover(
+                    *x,
+                    *y,
+                    format!("value {} at {}", number(*y, 3), signed(*x, 2)),
+                );
+            }
+            p.key("value function", Key::Line("s3", Dash::Solid));
+            sheet.add(p);
+        }
+    }
+    let caption = format!(
+        "Policy of iteration {}: mean action (line) and one standard deviation of its exploration (band) over the state{}. Ticks \
+         along the bottom: states of n = {} strides on the robot while learning; where there are few, the policy is not determined. \
+         Diamonds: centres of the {} basis functions. Thin lines: policies of earlier iterations. The paper's policies have 3 to 5 \
+         basis functions.",
+        data.iteration,
+        if states > 1 {
+            ", the other components held"
+        } else {
+            ""
+        },
+        data.strides.len(),
+        data.grid.centres.len()
+    );
+    let mut header: Vec<String> = vec!["along".to_owned()];
+    header.extend(data.columns.state.iter().cloned());
+    header.extend(
+        data.columns
+            .action
+            .iter()
+            .flat_map(|a| [format!("mean_{a}"), format!("std_{a}")]),
+    );
+    let mut csv = header.join(",")
+        + if data.grid.value.is_some() {
+            ",value\n"
+        } else {
+            "\n"
+        };
+    for i in 0..data.grid.along.len() {
+        csv.push_str(&data.grid.along[i].to_string());
+        data.grid
+            .state
+            .iter()
+            .for_each(|c| csv.push_str(&format!(",{}", c[i])));
+        data.grid
+            .mean
+            .iter()
+            .zip(&data.grid.std)
+            .for_each(|(m, s)| csv.push_str(&format!(",{},{}", m[i], s[i])));
+        if let Some(value) = &data.grid.value {
+            csv.push_str(&format!(",{}", value[i]));
+        }
+        csv.push('\n');
+    }
+    let names = data
+        .columns
+        .action
+        .iter()
+        .map(|a| plain(&label(a, "")))
+        .collect::<Vec<_>>()
+        .join(", ");
+    let alt = format!(
+        "Mean and standard deviation of {names} over the state, with the visited states below."
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}
+
+/// Rows of the grid that belong to the line along a component.
+fn line(grid: &PolicyGrid, along: usize) -> Vec<usize> {
+    (0..grid.along.len())
+        .filter(|i| grid.along[*i] == along)
+        .collect()
+}
+
+fn action_axis(data: &PolicyFigure, action: usize) -> Axis {
+    let (mean, std) = (&data.grid.mean[action], &data.grid.std[action]);
+    let (lo, hi) = extent(mean.iter().zip(std).flat_map(|(m, s)| [m - s, m + s]));
+    let room = 0.08 * (hi - lo);
+    Axis::covering(
+        &label(&data.columns.action[action], ""),
+        [lo - room, hi + room],
+    )
+}
+
+fn policy_panel(p: &mut Panel, data: &PolicyFigure, state: usize, action: usize) {
+    let curve = |grid: &PolicyGrid, k: f64| -> Vec<(f64, f64)> {
+        let (Some(x), Some(m), Some(s)) = (
+            grid.state.get(state),
+            grid.mean.get(action),
+            grid.std.get(action),
+        ) else {
+            return Vec::new();
+        };
+        line(grid, state)
+            .into_iter()
+            .map(|i| (x[i], m[i] + k * s[i]))
+            .collect()
+    };
+    let mean = curve(&data.grid, 0.0);
+    let x: Vec<f64> = mean.iter().map(|q| q.0).collect();
+    let edge = |k: f64| {
+        curve(&data.grid, k)
+            .into_iter()
+            .map(|q| q.1)
+            .collect::<Vec<f64>>()
+    };
+    p.band(&x, &edge(-1.0), &edge(1.0), "s0", 0.18);
+    for (_, earlier) in &data.earlier {
+        p.line(&curve(earlier, 0.0), "ref", Dash::Solid, 0.9);
+    }
+    p.line(&mean, "s0", Dash::Solid, 2.4);
+    let visited: Vec<f64> = data
+        .strides
+        .iter()
+        .filter_map(|s| s.state.get(state).copied())
+        .collect();
+    p.rug(&visited, "s6", 0);
+    let (name, unit) = quantity(&data.columns.action[action]);
+    let std: Vec<f64> = line(&data.grid, state)
+        .into_iter()
+        .map(|i| data.grid.std[action][i])
+        .collect();
+    for i in (0..mean.len()).step_by((mean.len() / 50).max(1)) {
+        p.hover(
+            mean[i].0,
+            mean[i].1,
+            format!(
+                "{} = {}: {name} = {} ± {} {unit}",
+                quantity(&data.columns.state[state]).0,
+                signed(mean[i].0, 2),
+                signed(mean[i].1, 2),
+                signed(std[i], 2)
+            ),
+        );
+    }
+    // Centres stand at the top: they have a place in the state, none in the action.
+    let top = p.y.max - 0.05 * (p.y.max - p.y.min);
+    let centres: Vec<(f64, f64)> = data
+        .grid
+        .centres
+        .iter()
+        .filter_map(|c| c.get(state).map(|v| (*v, top)))
+        .collect();
+    p.marks(&centres, "s4", Mark::Diamond, 3.6);
+    p.key("mean action", Key::Line("s0", Dash::Solid));
+    p.key("± 1 sd (exploration)", Key::Band("s0", 0.2));
+    if !data.earlier.is_empty() {
+        p.key("earlier iterations", Key::Line("ref", Dash::Solid));
+    }
+    if !centres.is_empty() {
+        p.key("basis centres", Key::Mark("s4", Mark::Diamond));
+    }
+}
+
+/// A learned map on planes of one component of the state and one of the action, as
+/// `figures/data/map-<iteration>.csv` holds it. All columns are equally long.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapGrid {
+    /// Component of the state that varies in the plane of each row.
+    pub state_axis: Vec<usize>,
+    /// Component of the action that varies.
+    pub action_axis: Vec<usize>,
+    /// One column per component of the state.
+    pub state: Vec<Vec<f64>>,
+    /// One column per component of the action.
+    pub action: Vec<Vec<f64>>,
+    /// Mean of each component of the next state.
+    pub mean: Vec<Vec<f64>>,
+    /// Standard deviation of the latent function.
+    pub latent_std: Vec<Vec<f64>>,
+    /// Standard deviation of the noise.
+    pub noise_std: Vec<Vec<f64>>,
+}
+
+/// A map with its data.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapFigure {
+    /// Iteration whose map is drawn.
+    pub iteration: u32,
+    /// Names of state and action.
+    pub columns: Columns,
+    /// The map.
+    pub grid: MapGrid,
+    /// The training strides from which it was learned.
+    pub strides: Vec<StrideRow>,
+}
+
+/// A plane of the grid: distinct states and actions, and for each the row of the table.
+struct Plane {
+    x: Vec<f64>,
+    u: Vec<f64>,
+    /// `rows[action * x.len() + state]`.
+    rows: Vec<usize>,
+}
+
+fn plane(grid: &MapGrid, state: usize, action: usize) -> Option<Plane> {
+    let (xs, us) = (grid.state.get(state)?, grid.action.get(action)?);
+    let rows: Vec<usize> = (0..xs.len())
+        .filter(|i| grid.state_axis[*i] == state && grid.action_axis[*i] == action)
+        .collect();
+    let distinct = |values: &[f64]| {
+        let mut d: Vec<f64> = rows.iter().map(|i| values[*i]).collect();
+        d.sort_by(f64::total_cmp);
+        d.dedup_by(|a, b| (*a - *b).abs() < 1e-12);
+        d
+    };
+    let (x, u) = (distinct(xs), distinct(us));
+    if x.len() < 2 || u.len() < 2 || rows.len() != x.len() * u.len() {
+        return None;
+    }
+    let mut sorted = rows;
+    sorted.sort_by(|a, b| us[*a].total_cmp(&us[*b]).then(xs[*a].total_cmp(&xs[*b])));
+    Some(Plane { x, u, rows: sorted })
+}
+
+fn check_map(stem: &str, data: &MapFigure) -> Result<()> {
+    let n = data.grid.state_axis.len();
+    some(stem, "no row of the map", n)?;
+    let g = &data.grid;
+    for columns in [&g.state, &g.action, &g.mean, &g.latent_std, &g.noise_std] {
+        some(stem, "no column of the map", columns.len())?;
+        for values in columns {
+            column(stem, "map grid", values, n)?;
+        }
+    }
+    column(
+        stem,
+        "action_axis",
+        &g.action_axis.iter().map(|v| *v as f64).collect::<Vec<_>>(),
+        n,
+    )
+}
+
+/// Draws the map of the first state component over the first state and action, as in Fig. 13: a heat
+/// map of the mean, level lines of the latent standard deviation, and the data.
+///
+/// # Errors
+///
+/// [`ReportError`](crate::ReportError) if the grid is empty, not a grid, or holds a value that is not finite.
+pub fn map_surface(data: &MapFigure) -> Result<Figure> {
+    let stem = "map";
+    check_map(stem, data)?;
+    let g = &data.grid;
+    let Some(plane) = plane(g, 0, 0) else {
+        return Err(crate::ReportError::Empty {
+            figure: stem.to_owned(),
+            what: "no plane of state and action".to_owned(),
+        });
+    };
+    let mean: Vec<f64> = plane.rows.iter().map(|i| g.mean[0][*i]).collect();
+    let latent: Vec<f64> = plane.rows.iter().map(|i| g.latent_std[0][*i]).collect();
+    let (lo, hi) = extent(mean.iter().copied());
+    let (state, action) = (&data.columns.state[0], &data.columns.action[0]);
+    let edge = |v: &[f64]| (v[0], v[v.len() - 1]);
+    let ((x0, x1), (u0, u1)) = (edge(&plane.x), edge(&plane.u));
+    let mut sheet = Sheet::new(stem, "What it learned: the map of one stride");
+    let panels = sheet.row(
+        300.0,
+        vec![
+            (
+                24.0,
+                Axis::linear(&label(state, "(k)"), x0, x1),
+                Axis::linear(&label(action, "(k)"), u0, u1),
+                None,
+            ),
+            (
+                1.0,
+                Axis::linear_with("", 0.0, 1.0, 0.1),
+                Axis::linear(&format!("mean of {}", label(state, "(k + 1)")), lo, hi),
+                None,
+            ),
+        ],
+    );
+    let mut panels = panels.into_iter();
+    let levels = level_values(&latent);
+    if let Some(mut p) = panels.next() {
+        let (dx, du) = (
+            (x1 - x0) / (plane.x.len() - 1) as f64,
+            (u1 - u0) / (plane.u.len() - 1) as f64,
+        );
+        for (j, u) in plane.u.iter().enumerate() {
+            for (i, x) in plane.x.iter().enumerate() {
+                let fraction = (mean[j * plane.x.len() + i] - lo) / (hi - lo).max(1e-12);
+                p.cell(
+                    (x - 0.5 * dx, x + 0.5 * dx),
+                    (u - 0.5 * du, u + 0.5 * du),
+                    &ramp_color(fraction),
+                );
+            }
+        }
+        for (level, dash) in levels.iter().zip([Dash::Solid, Dash::Dashed, Dash::Dotted]) {
+            let lines = contour_lines(&plane.x, &plane.u, &latent, *level);
+            p.segments(&lines, "cw", dash, 1.5);
+        }
+        let points: Vec<(f64, f64)> = data
+            .strides
+            .iter()
+            .filter_map(|s| Some((*s.state.first()?, *s.action.first()?)))
+            .collect();
+        p.marks(&points, "s1", Mark::Disc, 3.4);
+        let step = (plane.x.len() / 20).max(1);
+        for j in (0..plane.u.len()).step_by(step) {
+            for i in (0..plane.x.len()).step_by(step) {
+                let at = j * plane.x.len() + i;
+                p.hover(
+                    plane.x[i],
+                    plane.u[j],
+                    format!(
+                        "from {} with {}: {} ± {}",
+                        signed(plane.x[i], 2),
+                        signed(plane.u[j], 2),
+                        signed(mean[at], 2),
+                        number(latent[at], 2)
+                    ),
+                );
+            }
+        }
+        p.key("strides on the robot", Key::Mark("s1", Mark::Disc));
+        sheet.add(p);
+    }
+    if let Some(mut p) = panels.next() {
+        p.x.ticks.clear();
+        for i in 0..64 {
+            let at = |f: f64| lo + (hi - lo) * f / 64.0;
+            p.cell(
+                (0.0, 1.0),
+                (at(f64::from(i)), at(f64::from(i) + 1.0)),
+                &ramp_color((f64::from(i) + 0.5) / 64.0),
+            );
+        }
+        sheet.add(p);
+    }
+    let lines = levels
+        .iter()
+        .zip(["solid", "dashed", "dotted"])
+        .map(|(l, d)| format!("{} ({d})", number(*l, 2)))
+        .collect::<Vec<_>>()
+        .join(", ");
+    let unit = quantity(state).1;
+    let caption = format!(
+        "Map of iteration {}: mean of {} after a stride (colour) over state and action{}. White lines: standard deviation of the \
+         function, without noise, of {lines} {unit}. Points: the n = {} strides from which the map was learned; far from them it is \
+         a guess. The paper's Fig. 13 shows such a map from 20 strides of the small humanoid.",
+        data.iteration,
+        plain(&label(state, "")),
+        if data.columns.state.len() + data.columns.action.len() > 2 {
+            ", the other components in the middle of the data"
+        } else {
+            ""
+        },
+        data.strides.len()
+    );
+    let mut csv = format!("{state},{action},mean_next_{state},latent_std,noise_std\n");
+    for i in &plane.rows {
+        csv.push_str(&format!(
+            "{},{},{},{},{}\n",
+            g.state[0][*i], g.action[0][*i], g.mean[0][*i], g.latent_std[0][*i], g.noise_std[0][*i]
+        ));
+    }
+    let alt = format!(
+        "Heat map of the predicted next {} over state and action, from {} to {} {unit}, with the training data.",
+        plain(&quantity(state).0),
+        number(lo, 2),
+        number(hi, 2)
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}
+
+/// Three levels at the lower quartile, the median and the upper quartile, rounded to one digit.
+fn level_values(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let mut levels: Vec<f64> = [0.25, 0.5, 0.75]
+        .iter()
+        .map(|q| {
+            let v = sorted[((sorted.len() - 1) as f64 * q) as usize].max(1e-12);
+            let unit = 10f64.powf(v.log10().floor());
+            (v / unit).round() * unit
+        })
+        .collect();
+    levels.dedup_by(|a, b| (*a - *b).abs() < 1e-12);
+    levels
+}
+
+/// Draws slices of the map: each component of the next state over itself, for three actions, with two
+/// standard deviations of the prediction (function and noise) and the data.
+///
+/// # Errors
+///
+/// [`ReportError`](crate::ReportError) if the grid is empty, not a grid, or holds a value that is not finite.
+pub fn map_slices(data: &MapFigure) -> Result<Figure> {
+    let stem = "map-slices";
+    check_map(stem, data)?;
+    let g = &data.grid;
+    let (state_names, action_name) = (&data.columns.state, &data.columns.action[0]);
+    let mut sheet = Sheet::new(
+        stem,
+        "What it learned: slices of the map with their uncertainty",
+    );
+    let mut csv = String::from("output,state,action,mean,latent_std,noise_std\n");
+    for (o, name) in state_names.iter().enumerate().take(g.mean.len()) {
+        let Some(plane) = plane(g, o, 0) else {
+            continue;
+        };
+        // Slices at a quarter, half and three quarters of the axis: within the data, which the axis overshoots.
+        let picks: Vec<usize> = [1, 2, 3]
+            .iter()
+            .map(|q| q * (plane.u.len() - 1) / 4)
+            .collect();
+        let n = plane.x.len();
+        let at = |j: usize, k: f64| -> Vec<f64> {
+            (0..n)
+                .map(|i| {
+                    let row = plane.rows[j * n + i];
+                    g.mean[o][row] + k * g.latent_std[o][row].hypot(g.noise_std[o][row])
+                })
+                .collect()
+        };
+        let outcomes: Vec<(f64, f64, f64)> = data
+            .strides
+            .iter()
+            .filter_map(|s| Some((*s.state.get(o)?, *s.next_state.get(o)?, *s.action.first()?)))
+            .collect();
+        let mut all: Vec<f64> = outcomes.iter().map(|q| q.1).collect();
+        for j in &picks {
+            all.extend(at(*j, 2.0));
+            all.extend(at(*j, -2.0));
+        }
+        let y = Axis::covering(&label(name, "(k + 1)"), all);
+        let specs = picks
+            .iter()
+            .map(|_| {
+                (
+                    1.0,
+                    Axis::linear_with(&label(name, "(k)"), plane.x[0], plane.x[n - 1], 5.0),
+                    y.clone(),
+                )
+            })
+            .collect::<Vec<_>>();
+        let (printed, unit) = quantity(action_name);
+        let titles: Vec<String> = picks
+            .iter()
+            .map(|j| format!("{printed} = {} {unit}", signed(plane.u[*j], 2)))
+            .collect();
+        let specs = specs
+            .into_iter()
+            .zip(&titles)
+            .map(|((s, x, y), t)| (s, x, y, Some(t.as_str())))
+            .collect();
+        for (slot, mut p) in sheet.row(190.0, specs).into_iter().enumerate() {
+            let j = picks[slot];
+            p.line(
+                &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
+                "ref",
+                Dash::Solid,
+                0.9,
+            );
+            p.band(&plane.x, &at(j, -2.0), &at(j, 2.0), "s0", 0.2);
+            let mean = at(j, 0.0);
+            let points: Vec<(f64, f64)> =
+                plane.x.iter().copied().zip(mean.iter().copied()).collect();
+            p.line(&points, "s0", Dash::Solid, 2.2);
+            // Data belong to the slice whose action is nearest.
+            let near: Vec<(f64, f64)> = outcomes
+                .iter()
+                .filter(|q| nearest(&picks, &plane.u, q.2) == slot)
+                .map(|q| (q.0, q.1))
+                .collect();
+            p.marks(&near, "s1", Mark::Disc, 3.2);
+            let std: Vec<f64> = at(j, 1.0).iter().zip(&mean).map(|(a, m)| a - m).collect();
+            for i in (0..n).step_by((n / 25).max(1)) {
+                p.hover(
+                    plane.x[i],
+                    mean[i],
+                    format!(
+                        "{}, from {}: {} ± {}",
+                        plain(&titles[slot]),
+                        signed(plane.x[i], 2),
+                        signed(mean[i], 2),
+                        signed(std[i], 2)
+                    ),
+                );
+                let row = plane.rows[j * n + i];
+                csv.push_str(&format!(
+                    "{name},{},{},{},{},{}\n",
+                    plane.x[i], plane.u[j], mean[i], g.latent_std[o][row], g.noise_std[o][row]
+                ));
+            }
+            p.key("mean", Key::Line("s0", Dash::Solid));
+            p.key("± 2 sd (function and noise)", Key::Band("s0", 0.2));
+            p.key("strides of the nearest slice", Key::Mark("s1", Mark::Disc));
+            p.key("identity", Key::Line("ref", Dash::Solid));
+            sheet.add(p);
+        }
+    }
+    let caption = format!(
+        "Slices of the map of iteration {} at three values of {}: predicted state after a stride over the state before it, mean (line) \
+         and ±2 standard deviations of the prediction, noise included (band). Points: n = {} strides on the robot, each in the slice \
+         whose action is nearest to its own.",
+        data.iteration,
+        plain(&label(action_name, "")),
+        data.strides.len()
+    );
+    let alt = format!(
+        "Slices of the learned map of {} over the state with bands of two standard deviations and the data.",
+        plain(&label(&state_names[0], ""))
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}
+
+fn nearest(picks: &[usize], u: &[f64], action: f64) -> usize {
+    (0..picks.len())
+        .min_by(|a, b| {
+            (u[picks[*a]] - action)
+                .abs()
+                .total_cmp(&(u[picks[*b]] - action).abs())
+        })
+        .unwrap_or(0)
+}
