@@ -242,7 +242,7 @@ impl Panel {
         let (l, r) = (self.px(x.0), self.px(x.1));
         let (b, t) = (self.py(y.0), self.py(y.1));
         self.data.push_str(&format!(
-            "<rect fill=\"{color}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
+            "<rect fill=\"{color}\" shape-rendering=\"crispEdges\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
             coord(l),
             coord(t),
             coord(r - l + 0.4),
@@ -288,12 +288,6 @@ impl Panel {
         self.line(&[(x, self.y.min), (x, self.y.max)], class, dash, 1.2);
     }
 
-    /// A note at a datum, shifted by pixels; not clipped.
-    pub(crate) fn note(&mut self, at: (f64, f64), shift: (f64, f64), anchor: Anchor, text: &str) {
-        let (x, y) = (self.px(at.0) + shift.0, self.py(at.1) + shift.1);
-        self.note_px(x, y, anchor, "mut", text);
-    }
-
     /// A note at a pixel position.
     pub(crate) fn note_px(&mut self, x: f64, y: f64, anchor: Anchor, class: &str, text: &str) {
         self.over.push_str(&format!(
@@ -303,11 +297,6 @@ impl Panel {
             anchor.name(),
             spans(text, TICK)
         ));
-    }
-
-    /// Raw SVG above everything, in pixels.
-    pub(crate) fn raw(&mut self, svg: &str) {
-        self.over.push_str(svg);
     }
 
     /// A value that the page shows when the pointer comes near.

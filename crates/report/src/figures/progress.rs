@@ -94,7 +94,16 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
                 &mut p,
                 &trials.iter().map(|t| t.iteration).collect::<Vec<_>>(),
             );
-            p.line(&points, "s0", Dash::Solid, 1.3);
+            // A new iteration is a new learner: the line breaks there.
+            for of in trials
+                .chunk_by(|a, b| a.iteration == b.iteration)
+                .scan(0, |from, chunk| {
+                    *from += chunk.len();
+                    Some(*from - chunk.len()..*from)
+                })
+            {
+                p.line(&points[of], "s0", Dash::Solid, 1.3);
+            }
             for (t, (x, y)) in trials
                 .iter()
                 .zip(&points)
