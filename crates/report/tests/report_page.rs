@@ -41,7 +41,7 @@ fn a_page_is_whole_small_and_its_own() {
     assert!(!html.contains("@import") && !html.contains("url(http"));
     for says in [
         "The robot did not fall while learning.",
-        "−0.1 → −0.00062",
+        "−0.102 → −0.00062",
         "0.12 at 2.03°",
         "stridemap learn stepping --seed 1",
         "the length scale of `step_amplitude_deg` is at its upper limit",

@@ -22,13 +22,13 @@
       return { v, f: [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] };
     }
     // Everything else is a stack of rings about z: [radius in x, radius in y, height].
-    const rings = [], around = 14;
+    const rings = [], around = 18;
     if (kind.type === "cylinder") {
       const r = kind.radius_m, h = kind.half_length_m;
       rings.push([0, 0, -h], [r, r, -h], [r, r, h], [0, 0, h]);
     } else {
       const [a, b, c] = kind.type === "ellipsoid" ? kind.semi_axes_m : [kind.radius_m, kind.radius_m, kind.radius_m];
-      const h = kind.type === "capsule" ? kind.half_length_m : 0, steps = 8;
+      const h = kind.type === "capsule" ? kind.half_length_m : 0, steps = 10;
       for (let i = 0; i <= steps; i++) {
         const t = -Math.PI / 2 + Math.PI * i / steps;
         const ring = (shift) => rings.push([a * Math.cos(t), b * Math.cos(t), c * Math.sin(t) + shift]);
@@ -95,7 +95,26 @@
     return out;
   }
 
-  const LIGHT = unit([0.35, -0.5, 1]);
+  // Shapes are convex, so a shadow is the hull of its corners' shadows (Andrew's monotone chain).
+  const hull = (points) => {
+    const sorted = points.slice().sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    const half = (list) => {
+      const out = [];
+      for (const p of list) {
+        while (out.length > 1) {
+          const a = out[out.length - 2], b = out[out.length - 1];
+          if ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
+          out.pop();
+        }
+        out.push(p);
+      }
+      out.pop();
+      return out;
+    };
+    return half(sorted).concat(half(sorted.reverse()));
+  };
+
+  const LIGHT = unit([0.45, -0.3, 1]);
 
   class View {
     constructor(host, rec) {
@@ -106,7 +125,7 @@
       this.home();
       this.listen();
     }
-    home() { this.azimuth = -0.72; this.elevation = 0.2; this.zoom = 1; }
+    home() { this.azimuth = 2.55; this.elevation = 0.2; this.zoom = 1; }
     listen() {
       const c = this.canvas;
       let from = null;
@@ -136,7 +155,7 @@
       g.clearRect(0, 0, w, h);
       const t = Math.min(time, rec.span), bodies = pose(rec, t), size = rec.size;
       const k = Math.max(0, Math.min(rec.count - 1, Math.round(t / (rec.period || 1))));
-      const target = [bodies[0].p[0], bodies[0].p[1], 0.5 * size];
+      const target = [bodies[0].p[0], bodies[0].p[1], 0.47 * size];
       const ca = Math.cos(this.azimuth), sa = Math.sin(this.azimuth), ce = Math.cos(this.elevation), se = Math.sin(this.elevation);
       const far = 3.1 * size / this.zoom;
       const eye = add(target, [-far * ca * ce, -far * sa * ce, far * se]);
@@ -148,17 +167,12 @@
       const world = rec.shapes.map((s) => s.v.map((p) => add(turn(bodies[s.body].m, p), bodies[s.body].p)));
       // Shadows as one path, so that overlaps do not darken.
       g.beginPath();
-      world.forEach((v, i) => {
+      for (const v of world) {
         const flat = v.map((p) => { const q = Math.max(0, p[2]); return project([p[0] - LIGHT[0] / LIGHT[2] * q, p[1] - LIGHT[1] / LIGHT[2] * q, 0]); });
-        for (const f of rec.shapes[i].f) {
-          const [a, b, c] = [flat[f[0]], flat[f[1]], flat[f[2]]];
-          const clockwise = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0;
-          const ring = clockwise ? f : f.slice().reverse();
-          ring.forEach((n, m) => (m ? g.lineTo(flat[n][0], flat[n][1]) : g.moveTo(flat[n][0], flat[n][1])));
-          g.closePath();
-        }
-      });
-      g.fillStyle = "rgba(0,0,0,.16)";
+        hull(flat).forEach((p, m) => (m ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1])));
+        g.closePath();
+      }
+      g.fillStyle = "rgba(0,0,0,.18)";
       g.fill("nonzero");
 
       const cop = [rec.cop[2 * k], rec.cop[2 * k + 1]], loads = [rec.loads[2 * k], rec.loads[2 * k + 1]];
@@ -174,7 +188,7 @@
           const mid = [0, 1, 2].map((c) => (v[f[0]][c] + v[f[1]][c] + v[f[2]][c] + v[f[3]][c]) / 4);
           const view = sub(eye, mid);
           if (dot(n, view) <= 0) continue;
-          const light = 0.5 + 0.42 * Math.max(0, dot(n, LIGHT)) + 0.1 * Math.max(0, dot(n, unit(view)));
+          const light = 0.48 + 0.36 * Math.max(0, dot(n, LIGHT)) + 0.28 * Math.max(0, dot(n, unit(view)));
           faces.push([dot(view, view), f.map((m) => project(v[m])), "rgb(" + base.map((c) => Math.round(255 * Math.min(1, c * light * 1.12))).join() + ")"]);
         }
       });

@@ -14,7 +14,8 @@ const LABEL: f64 = 13.0;
 pub(crate) enum Dash {
     Solid,
     Dashed,
-    DashDot,
+    /// Dash and dot in turn.
+    Chain,
     Dotted,
 }
 
@@ -23,7 +24,7 @@ impl Dash {
         match self {
             Dash::Solid => "",
             Dash::Dashed => " stroke-dasharray=\"7 4\"",
-            Dash::DashDot => " stroke-dasharray=\"9 3.5 1.8 3.5\"",
+            Dash::Chain => " stroke-dasharray=\"9 3.5 1.8 3.5\"",
             Dash::Dotted => " stroke-dasharray=\"1.8 3.6\"",
         }
     }
@@ -248,18 +249,6 @@ impl Panel {
             coord(r - l + 0.4),
             coord(b - t + 0.4)
         ));
-    }
-
-    /// Separate segments as one path.
-    pub(crate) fn segments(
-        &mut self,
-        segments: &[((f64, f64), (f64, f64))],
-        class: &str,
-        dash: Dash,
-        stroke: f64,
-    ) {
-        let d: String = segments.iter().map(|(a, b)| self.path(&[*a, *b])).collect();
-        self.data.push_str(&line_svg(class, dash, &d, stroke));
     }
 
     /// Short strokes along the bottom: where the data are.

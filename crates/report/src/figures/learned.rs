@@ -72,7 +72,7 @@ pub fn policy(data: &PolicyFigure) -> Result<Figure> {
     let stem = "policy";
     check_policy(stem, data)?;
     let (states, actions) = (data.grid.state.len(), data.grid.mean.len());
-    let mut sheet = Sheet::new(stem, "What it learned: the policy");
+    let mut sheet = Sheet::new(stem, "The policy over the state");
     let height = if states * actions == 1 { 260.0 } else { 150.0 };
     for action in 0..actions {
         let y = action_axis(data, action);
@@ -369,7 +369,7 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
     let (state, action) = (&data.columns.state[0], &data.columns.action[0]);
     let edge = |v: &[f64]| (v[0], v[v.len() - 1]);
     let ((x0, x1), (u0, u1)) = (edge(&plane.x), edge(&plane.u));
-    let mut sheet = Sheet::new(stem, "What it learned: the map of one stride");
+    let mut sheet = Sheet::new(stem, "The map of one stride");
     let panels = sheet.row(
         300.0,
         vec![
@@ -405,8 +405,9 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
             }
         }
         for (level, dash) in levels.iter().zip([Dash::Solid, Dash::Dashed, Dash::Dotted]) {
-            let lines = contour_lines(&plane.x, &plane.u, &latent, *level);
-            p.segments(&lines, "cw", dash, 1.5);
+            for line in contour_lines(&plane.x, &plane.u, &latent, *level) {
+                p.line(&line, "cw", dash, 1.5);
+            }
         }
         let points: Vec<(f64, f64)> = data
             .strides
@@ -509,10 +510,7 @@ pub fn map_slices(data: &MapFigure) -> Result<Figure> {
     check_map(stem, data)?;
     let g = &data.grid;
     let (state_names, action_name) = (&data.columns.state, &data.columns.action[0]);
-    let mut sheet = Sheet::new(
-        stem,
-        "What it learned: slices of the map with their uncertainty",
-    );
+    let mut sheet = Sheet::new(stem, "Slices of the map with their uncertainty");
     let mut csv = String::from("output,state,action,mean,latent_std,noise_std\n");
     for (o, name) in state_names.iter().enumerate().take(g.mean.len()) {
         let Some(plane) = plane(g, o, 0) else {

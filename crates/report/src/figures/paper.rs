@@ -72,7 +72,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
     for k in [-2.0, -1.0, 1.0, 2.0] {
         p.line(&pairs(&at(k)), "s0", Dash::Dashed, 1.0);
     }
-    p.line(&pairs(&data.target), "s1", Dash::DashDot, 2.0);
+    p.line(&pairs(&data.target), "s1", Dash::Chain, 2.0);
     p.line(&pairs(&data.mean), "s0", Dash::Solid, 2.4);
     let samples: Vec<(f64, f64)> = data
         .sample_x
@@ -101,7 +101,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
             format!("sample: z = {} rad, {}", signed(*x, 2), signed(*y, 3)),
         );
     }
-    p.key("target", Key::Line("s1", Dash::DashDot));
+    p.key("target", Key::Line("s1", Dash::Chain));
     p.key("samples", Key::Mark("s6", Mark::Circle));
     p.key("predictive mean", Key::Line("s0", Dash::Solid));
     p.key("mean ± 1 and ± 2 sd", Key::Band("s0", 0.22));
@@ -420,10 +420,10 @@ pub fn fig9(data: &Fig9) -> Result<Figure> {
         data.full.visited.len()
     );
     let mut csv = String::from("psi_roll_deg,gp_mean,gp_sd,full_mean,full_sd\n");
-    for i in 0..x.len() {
+    for (i, psi) in x.iter().enumerate() {
         csv.push_str(&format!(
-            "{},{},{},{},{}\n",
-            x[i], data.gp.mean[i], data.gp.sd[i], data.full.mean[i], data.full.sd[i]
+            "{psi},{},{},{},{}\n",
+            data.gp.mean[i], data.gp.sd[i], data.full.mean[i], data.full.sd[i]
         ));
     }
     let alt = format!(

@@ -76,7 +76,7 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         "no trial and no stride",
         trials.len() + data.strides.len(),
     )?;
-    let mut sheet = Sheet::new(stem, "Did it learn: reward in the map and on the robot");
+    let mut sheet = Sheet::new(stem, "Reward in the map and on the robot");
     let mut notes = String::new();
     if !trials.is_empty() {
         let rewards: Vec<f64> = trials.iter().map(|t| t.average_reward).collect();
@@ -198,6 +198,14 @@ pub(crate) fn end_name(end: StrideEnd) -> &'static str {
     }
 }
 
+/// Which strides, colour, mark and name.
+type MarkedSet<'a> = (
+    &'a dyn Fn(&StrideRow) -> bool,
+    &'static str,
+    Mark,
+    &'static str,
+);
+
 /// Strides on the robot as marks: training, evaluation, and those that ended badly.
 fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64, what: &str) {
     let pick = |keep: &dyn Fn(&StrideRow) -> bool| -> Vec<(f64, f64)> {
@@ -208,7 +216,7 @@ fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64,
             .collect()
     };
     let ok = |s: &StrideRow| s.end == StrideEnd::Crossing;
-    let sets: [(&dyn Fn(&StrideRow) -> bool, &'static str, Mark, &str); 4] = [
+    let sets: [MarkedSet<'_>; 4] = [
         (
             &|s| ok(s) && s.role == "training",
             "s0",
@@ -298,10 +306,10 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
     );
     let target = |p: &mut Panel| {
         if let Some(target) = data.target {
-            p.across(target, "s6", Dash::DashDot);
+            p.across(target, "s6", Dash::Chain);
             p.key(
                 &format!("desired, {}", signed(target, 1)),
-                Key::Line("s6", Dash::DashDot),
+                Key::Line("s6", Dash::Chain),
             );
         }
     };
@@ -427,7 +435,7 @@ pub fn runs_compared(runs: &[RunCurve]) -> Result<Figure> {
         runs.iter().map(|r| r.iterations.len()).sum(),
     )?;
     const CLASSES: [&str; 7] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6"];
-    const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::DashDot, Dash::Dotted];
+    const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::Chain, Dash::Dotted];
     let curve = |r: &RunCurve| -> Vec<(f64, f64)> {
         r.nominal
             .map(|n| (0.0, n))

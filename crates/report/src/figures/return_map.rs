@@ -281,7 +281,7 @@ pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
     };
     let axis =
         |argument: &str| Axis::covering(&super::names::label(&data.name, argument), values());
-    let mut sheet = Sheet::new(stem, "Is it stable: return maps without pushes");
+    let mut sheet = Sheet::new(stem, "Return maps without pushes");
     let panels = sheet.row(
         285.0,
         vec![

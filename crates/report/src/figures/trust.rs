@@ -49,7 +49,7 @@ fn within(residuals: &[f64], k: f64) -> usize {
 pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
     let stem = "predicted";
     let outputs = scored(stem, map)?;
-    let mut sheet = Sheet::new(stem, "Can it be trusted: predicted against actual");
+    let mut sheet = Sheet::new(stem, "Predicted against actual");
     let specs = outputs
         .iter()
         .map(|(o, l)| {
@@ -107,7 +107,7 @@ pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
                 3.4,
             );
         }
-        for i in 0..r.len() {
+        for (i, residual) in r.iter().enumerate() {
             p.hover(
                 l.actual[i],
                 l.mean[i],
@@ -125,7 +125,7 @@ pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
                 l.actual[i],
                 l.mean[i],
                 l.std[i],
-                r[i].abs() <= 2.0
+                residual.abs() <= 2.0
             ));
         }
         p.key("prediction ± 2 sd", Key::Mark("s0", Mark::Disc));
@@ -171,10 +171,7 @@ pub fn standardized_residuals(map: &MapCard) -> Result<Figure> {
         }
         counts
     };
-    let mut sheet = Sheet::new(
-        stem,
-        "Can it be trusted: residuals against their promised spread",
-    );
+    let mut sheet = Sheet::new(stem, "Residuals against their promised spread");
     let all: Vec<(String, Vec<f64>)> = outputs
         .iter()
         .map(|(o, l)| (plain(&quantity(&o.name).0), residuals(l)))

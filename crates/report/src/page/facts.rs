@@ -147,7 +147,7 @@ fn times(n: usize) -> String {
 
 fn reward(m: Option<Measured>) -> String {
     m.and_then(|m| m.mean_reward)
-        .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 2))
+        .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3))
 }
 
 fn psi(m: Option<Measured>) -> String {
@@ -399,7 +399,9 @@ pub(super) fn provenance(run: &Run) -> String {
     let config = run.config.as_ref().map_or_else(String::new, |text| {
         format!("<details><summary>Configuration, every value as resolved</summary><pre>{}</pre></details>", escape(text))
     });
-    format!("<div class=\"wide\"><table><tbody>{table}</tbody></table></div>{config}")
+    format!(
+        "<div class=\"wide\"><table class=\"facts\"><tbody>{table}</tbody></table></div>{config}"
+    )
 }
 
 /// The paper and this software.

@@ -325,13 +325,14 @@ impl Page {
              @media (prefers-color-scheme:dark){{:root:not([data-theme=light]){{{dark}color-scheme:dark}}}}\n\
              :root[data-theme=dark]{{{dark}color-scheme:dark}}\n\
              @media print{{:root,:root[data-theme],:root:not([data-theme=light]){{{light}color-scheme:light}}}}\n\
-             {rules}\n{STYLE}</style>\n</head>\n<body>\n<header class=\"top\"><p class=\"kicker\">Stridemap</p>\
+             {rules}\n{STYLE}</style>\n</head>\n<body{many}>\n<header class=\"top\"><p class=\"kicker\">Stridemap</p>\
              <h1>{title}</h1><p class=\"lede\">{lede}</p><nav aria-label=\"Sections\">{nav}<span class=\"space\"></span>\
              <button id=\"theme\" aria-label=\"Switch between light and dark\">Dark</button></nav></header>\n{body}\n\
              <footer><p>Font: Inter, \u{a9} The Inter Project Authors, SIL Open Font License 1.1. The figures stand as SVG, PNG and \
              CSV in the run directory under figures/.</p></footer>\n{data}\
              <script>\n{FIGURES}</script>\n<script>\n{REPLAY}</script>\n</body>\n</html>\n",
             title = escape(title),
+            many = if runs > 1 { " class=\"many\"" } else { "" },
             regular = font(400, REGULAR),
             bold = font(600, SEMI_BOLD),
             body = self.body,

@@ -93,7 +93,9 @@ impl Run {
         run.learning = run.csv("learning.csv", learning).unwrap_or_default();
         run.read_iterations(&columns);
         run.read_poses();
-        run.push = run.read_push("push");
+        if run.dir.join("push.csv").exists() {
+            run.push = run.read_push("push");
+        }
         if run.dir.join("push-nominal.csv").exists() {
             run.push_nominal = run.read_push("push-nominal");
         }
