@@ -1,5 +1,7 @@
 //! What Figs. 7 to 10 say, checked in their bytes.
 
+#![allow(clippy::unwrap_used)] // helpers of tests stand outside of #[test]
+
 mod common;
 
 use common::figures::*;

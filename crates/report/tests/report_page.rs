@@ -1,5 +1,7 @@
 //! What a page says and what it must not hold.
 
+#![allow(clippy::unwrap_used)] // helpers of tests stand outside of #[test]
+
 mod common;
 
 use common::run::{Faults, write_run};

@@ -1,5 +1,7 @@
 //! The figures of a synthetic run: what they count and what they say.
 
+#![allow(clippy::unwrap_used)] // helpers of tests stand outside of #[test]
+
 mod common;
 
 use common::run::{Faults, write_run};
@@ -192,4 +194,92 @@ fn success_carries_its_interval() {
     assert!(figure.caption.contains("41 of 100 at 20, 83 of 100 at 40"));
     // Wilson for 99 of 100: 0.9455 to 0.9982.
     assert!(figure.csv.contains("80,99,100,0.99,0.9455") && figure.csv.contains(",0.9982"));
+}
+
+#[test]
+fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
+    let columns = run::Columns {
+        state: ["psi_roll_deg", "psi_pitch_deg", "psi_pitch_rate_deg_s"]
+            .map(str::to_owned)
+            .to_vec(),
+        action: ["walk_amplitude_deg", "ankle_lean_deg"]
+            .map(str::to_owned)
+            .to_vec(),
+    };
+    let mut grid = PolicyGrid {
+        state: vec![Vec::new(); 3],
+        mean: vec![Vec::new(); 2],
+        std: vec![Vec::new(); 2],
+        ..PolicyGrid::default()
+    };
+    let mut map = MapGrid {
+        state: vec![Vec::new(); 3],
+        action: vec![Vec::new(); 2],
+        mean: vec![Vec::new(); 3],
+        latent_std: vec![Vec::new(); 3],
+        noise_std: vec![Vec::new(); 3],
+        ..MapGrid::default()
+    };
+    for along in 0..3 {
+        for i in 0..40 {
+            grid.along.push(along);
+            for s in 0..3 {
+                grid.state[s].push(if s == along { f64::from(i) * 0.1 } else { 2.0 });
+            }
+            for a in 0..2 {
+                grid.mean[a].push(5.0 + (f64::from(i) * 0.1).sin());
+                grid.std[a].push(0.3);
+            }
+        }
+        for action in 0..2 {
+            for (x, u) in (0..11).flat_map(|x| (0..11).map(move |u| (f64::from(x), f64::from(u)))) {
+                map.state_axis.push(along);
+                map.action_axis.push(action);
+                (0..3).for_each(|s| map.state[s].push(if s == along { x } else { 5.0 }));
+                (0..2).for_each(|a| map.action[a].push(if a == action { u } else { 5.0 }));
+                for o in 0..3 {
+                    map.mean[o].push(2.0 - 0.7 * x + 0.2 * u);
+                    map.latent_std[o].push(0.1 + 0.02 * (x - 5.0).abs());
+                    map.noise_std[o].push(0.2);
+                }
+            }
+        }
+    }
+    let gallery = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery/walking");
+    let figure = policy(&PolicyFigure {
+        iteration: 2,
+        columns: columns.clone(),
+        grid: grid.clone(),
+        ..PolicyFigure::default()
+    })
+    .unwrap();
+    assert_eq!(figure.svg.matches("class=\"panel\"").count(), 6);
+    figure.write(&gallery).unwrap();
+    let data = MapFigure {
+        iteration: 2,
+        columns: columns.clone(),
+        grid: map,
+        strides: Vec::new(),
+    };
+    let slices = map_slices(&data).unwrap();
+    assert_eq!(slices.svg.matches("class=\"panel\"").count(), 9);
+    slices.write(&gallery).unwrap();
+    map_surface(&data).unwrap().write(&gallery).unwrap();
+
+    // A column too few is refused, not drawn.
+    grid.std.pop();
+    let short = PolicyFigure {
+        iteration: 2,
+        columns,
+        grid,
+        ..PolicyFigure::default()
+    };
+    assert!(matches!(
+        policy(&short),
+        Err(ReportError::Shape {
+            found: 1,
+            expected: 2,
+            ..
+        })
+    ));
 }

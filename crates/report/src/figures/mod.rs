@@ -1,16 +1,18 @@
 //! The figures of the paper and of a run, each a function from plain data to a [`Figure`](crate::Figure).
 
 mod check;
-mod learned;
+mod map;
 mod names;
 mod paper;
+mod policy;
 mod progress;
 mod return_map;
 mod table;
 mod trust;
 
-pub use learned::{MapFigure, MapGrid, PolicyFigure, PolicyGrid, map_slices, map_surface, policy};
+pub use map::{MapFigure, MapGrid, map_slices, map_surface};
 pub use paper::{Fig7, Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig7, fig8, fig9};
+pub use policy::{PolicyFigure, PolicyGrid, policy};
 pub use progress::{
     LearningCurves, RunCurve, StateOverStrides, learning_curves, runs_compared, state_over_strides,
 };

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check::some;
 use super::names::{label, reward_axis, scale_note};
-use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, number, plain, plural, signed};
+use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, extent, number, plain, plural, signed};
 use crate::error::Result;
 use crate::figure::Figure;
 use crate::run::{LearningRow, StrideEnd, StrideRow};
@@ -319,7 +319,9 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
             0.5,
             data.strides.len() as f64 + 0.5,
         );
-        let y = Axis::covering(&name, all.iter().copied());
+        // Head room for the names of the iterations.
+        let (lo, hi) = extent(all.iter().copied());
+        let y = Axis::covering(&name, all.iter().copied().chain([hi + 0.14 * (hi - lo)]));
         let mut row = sheet.row(175.0, vec![(1.0, x, y, Some("While learning"))]);
         if let Some(mut p) = row.pop() {
             iterations(

@@ -140,7 +140,7 @@ fn height(recording: &Recording) -> f64 {
                     half_extents_m: [_, _, z],
                 } => z,
             };
-            frame.poses[s.body][2] + s.pose.position_m[2] + reach
+            frame.poses.get(s.body).map_or(0.0, |p| p[2]) + s.pose.position_m[2] + reach
         })
         .fold(0.1, f64::max)
 }

@@ -1,5 +1,5 @@
 //! Synthetic data for the figures: made up, smooth, the same on every machine.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used)] // not every test uses all; helpers stand outside of #[test]
 
 pub mod figures;
 pub mod run;
