@@ -345,7 +345,10 @@ impl Task {
             return invalid("record.strides".into(), "must be at least 1".into());
         }
         if !(0.0..=600.0).contains(&self.record.pose_seconds) {
-            return invalid("record.pose_seconds".into(), "must lie in [0, 600] s".into());
+            return invalid(
+                "record.pose_seconds".into(),
+                "must lie in [0, 600] s".into(),
+            );
         }
         self.map.validate(n, m)?;
         self.learner.actor_critic.validate()?;
