@@ -8,7 +8,10 @@
 //! Both files have columns `x0, x1, …, y` and no header. Zero mean, squared-exponential kernel with
 //! one length scale an input, one start (length scales 1, signal variance 1, noise variance 0.1).
 
-#![allow(clippy::print_stdout, reason = "an example's answer goes to standard output")]
+#![allow(
+    clippy::print_stdout,
+    reason = "an example's answer goes to standard output"
+)]
 
 use std::error::Error;
 use std::hint::black_box;

@@ -3,6 +3,7 @@
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
+use crate::aligned::Aligned;
 use crate::dense::{
     DenseScratch, cholesky, small_backward, small_cholesky, small_forward, triangular_inverse,
 };
@@ -41,11 +42,11 @@ pub struct Gp {
     /// `1/ℓ`.
     pub(crate) inverse_scales: Vec<f64>,
     /// Inputs centred and in length scales, one padded row a dimension.
-    pub(crate) z: Vec<f64>,
+    pub(crate) z: Aligned,
     /// `M = L⁻¹`.
     pub(crate) factor: InverseFactor,
     /// `α = P y`, padded.
-    pub(crate) alpha: Vec<f64>,
+    pub(crate) alpha: Aligned,
     pub(crate) trend: Trend,
     pub(crate) log_marginal_likelihood: f64,
     pub(crate) report: Option<FitReport>,
@@ -145,9 +146,9 @@ impl Gp {
             x: points.values().to_vec(),
             y: y.to_vec(),
             stride: 0,
-            z: Vec::new(),
+            z: Aligned::zeros(0),
             factor: InverseFactor::empty(),
-            alpha: Vec::new(),
+            alpha: Aligned::zeros(0),
             trend: Trend::default(),
             log_marginal_likelihood: 0.0,
             report: None,
@@ -162,7 +163,7 @@ impl Gp {
     /// Recomputes `z` from `x`.
     pub(crate) fn scale_inputs(&mut self) {
         self.stride = padded(self.y.len());
-        self.z = vec![0.0; self.dims * self.stride];
+        self.z = Aligned::zeros(self.dims * self.stride);
         for (i, row) in self.x.chunks_exact(self.dims).enumerate() {
             for d in 0..self.dims {
                 self.z[d * self.stride + i] =
@@ -179,8 +180,8 @@ impl Gp {
             noise_variance,
             ..
         } = self.hyperparameters;
-        let mut covariance = vec![0.0; stride * stride];
-        let mut inverse = vec![0.0; stride * stride];
+        let mut covariance = Aligned::zeros(stride * stride);
+        let mut inverse = Aligned::zeros(stride * stride);
         with_profile!(self.kernel, profile => self.arch.dispatch(Fill {
             profile,
             z: &self.z,
@@ -275,7 +276,7 @@ impl Gp {
         self.log_marginal_likelihood = -0.5 * dot(&whitened, &whitened) + self.factor.log_det()
             - 0.5 * log_det_a
             - 0.5 * (n as f64 - m as f64) * LOG_2_PI;
-        self.alpha = vec![0.0; stride];
+        self.alpha = Aligned::zeros(stride);
         self.factor.transposed_product(&whitened, &mut self.alpha);
         let mut weights = vec![0.0; m * stride];
         for (out, w) in weights.chunks_exact_mut(stride).zip(w.chunks_exact(stride)) {

@@ -16,6 +16,8 @@
     reason = "`!(a < b)` is true of NaN, and that is meant"
 )]
 
+mod aligned;
+mod batch;
 mod card;
 mod dense;
 mod error;

@@ -2,6 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::batch::{GROUP, GroupMoments};
 use crate::dense::small_forward;
 use crate::error::{GpError, Result, check_finite, check_len};
 use crate::gp::{Gp, dot};
@@ -92,6 +93,9 @@ impl Gp {
 
     /// Predicts at each row of `points`: `mean[i]` and `latent_variance[i]`.
     ///
+    /// Eight queries at a time, so a value may differ from that of [`predict`](Self::predict) in
+    /// its last digits; it does not depend on its place in the batch.
+    ///
     /// # Errors
     ///
     /// As [`predict`](Self::predict); [`GpError::Shape`] if the outputs are not one a point.
@@ -126,12 +130,36 @@ impl Gp {
             points.len(),
             latent_variance.len(),
         )?;
-        for (i, x) in points.rows().enumerate() {
-            let at = self
-                .predict_with(x, scratch)
-                .map_err(|error| at_row(error, i))?;
-            mean[i] = at.mean;
-            latent_variance[i] = at.latent_variance;
+        if self.mean != Mean::Zero {
+            for (i, x) in points.rows().enumerate() {
+                let at = self
+                    .predict_with(x, scratch)
+                    .map_err(|error| at_row(error, i))?;
+                (mean[i], latent_variance[i]) = (at.mean, at.latent_variance);
+            }
+            return Ok(());
+        }
+        let buffer = scratch.take(GROUP * (self.stride + self.dims));
+        let (k, z) = buffer.split_at_mut(GROUP * self.stride);
+        for first in (0..points.len()).step_by(GROUP) {
+            let count = GROUP.min(points.len() - first);
+            for q in 0..GROUP {
+                // The last group is filled up with its last query.
+                let x = points.row(first + q.min(count - 1));
+                for d in 0..self.dims {
+                    z[d * GROUP + q] = (x[d] - self.frame.centre[d]) * self.inverse_scales[d];
+                }
+            }
+            let (means, explained) = with_profile!(self.kernel, profile => {
+                self.arch.dispatch(GroupMoments { profile, gp: self, z, k })
+            });
+            for q in 0..count {
+                let variance = self.hyperparameters.signal_variance - explained[q];
+                mean[first + q] = means[q] + self.offset;
+                latent_variance[first + q] = self
+                    .checked_variance(variance)
+                    .map_err(|error| at_row(error, first + q))?;
+            }
         }
         Ok(())
     }

@@ -174,7 +174,7 @@ impl TryFrom<SavedGp> for Gp {
             let n = saved.targets.len();
             let found = entries.len();
             check_finite("factor", &entries, 1)?;
-            gp.factor = InverseFactor::from_entries(n, entries).ok_or(GpError::Corrupt {
+            gp.factor = InverseFactor::from_entries(n, &entries).ok_or(GpError::Corrupt {
                 what: "length of the factor",
                 expected: format!("that of {n} points"),
                 found: found.to_string(),
