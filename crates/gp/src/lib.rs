@@ -37,6 +37,7 @@ mod predict;
 mod sample;
 mod saved;
 mod scores;
+mod sparse;
 mod vector;
 
 pub use card::{Card, Warning};
@@ -53,3 +54,4 @@ pub use points::Points;
 pub use predict::{Prediction, Scratch};
 pub use sample::JointPrediction;
 pub use scores::{LeaveOneOut, LeaveOneOutScores, coverage};
+pub use sparse::{SparseGp, SparseMethod, SparseOptions};

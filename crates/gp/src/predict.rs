@@ -10,7 +10,6 @@ use crate::kernel::{Profile, with_profile};
 use crate::mean::Mean;
 use crate::panels::NormSquared;
 use crate::points::Points;
-use crate::vector::PANEL;
 
 /// Largest negative latent variance, relative to the prior variance, that is put down to rounding
 /// and reported as zero: `|L⁻¹ k|²` loses `ε √cond(K)` of it, and `cond(K)` may be 10¹⁶.
@@ -342,29 +341,66 @@ impl<P: Profile> WithSimd for Moments<'_, P> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> (f64, f64) {
         let Self { profile, gp, z, k } = self;
-        let stride = gp.stride;
-        debug_assert!(k.len() == stride && stride.is_multiple_of(PANEL));
-        let scale = simd.splat_f64s(gp.hyperparameters.signal_variance);
-        let mut mean = simd.splat_f64s(0.0);
-        {
-            let (k, _) = S::as_mut_simd_f64s(k);
-            let (alpha, _) = S::as_simd_f64s(&gp.alpha);
-            for (i, (k, &alpha)) in k.iter_mut().zip(alpha).enumerate() {
-                let mut q = simd.splat_f64s(0.0);
-                for (row, &z) in gp.z.chunks_exact(stride).zip(z) {
-                    let (row, _) = S::as_simd_f64s(row);
-                    let difference = simd.sub_f64s(row[i], simd.splat_f64s(z));
-                    q = simd.mul_add_e_f64s(difference, difference, q);
-                }
-                *k = simd.mul_f64s(profile.value(simd, q), scale);
-                mean = simd.mul_add_e_f64s(*k, alpha, mean);
-            }
-        }
-        let explained = NormSquared {
-            factor: &gp.factor,
+        let mean = CrossCovariance {
+            profile,
+            signal_variance: gp.hyperparameters.signal_variance,
+            stride: gp.stride,
+            points: &gp.z,
+            weights: &gp.alpha,
+            z,
             k,
         }
         .with_simd(simd);
-        (simd.reduce_sum_f64s(mean), explained)
+        (
+            mean,
+            NormSquared {
+                factor: &gp.factor,
+                k,
+            }
+            .with_simd(simd),
+        )
+    }
+}
+
+/// Fills `k*` between `points` (one padded row a dimension, scaled) and the scaled input `z`, and
+/// returns `k*ᵀ weights`.
+pub(crate) struct CrossCovariance<'a, P> {
+    pub(crate) profile: P,
+    pub(crate) signal_variance: f64,
+    pub(crate) stride: usize,
+    pub(crate) points: &'a [f64],
+    pub(crate) weights: &'a [f64],
+    pub(crate) z: &'a [f64],
+    pub(crate) k: &'a mut [f64],
+}
+
+impl<P: Profile> WithSimd for CrossCovariance<'_, P> {
+    type Output = f64;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self {
+            profile,
+            signal_variance,
+            stride,
+            points,
+            weights,
+            z,
+            k,
+        } = self;
+        let scale = simd.splat_f64s(signal_variance);
+        let mut mean = simd.splat_f64s(0.0);
+        let (k, _) = S::as_mut_simd_f64s(k);
+        let (weights, _) = S::as_simd_f64s(weights);
+        for (i, (k, &weight)) in k.iter_mut().zip(weights).enumerate() {
+            let mut q = simd.splat_f64s(0.0);
+            for (row, &z) in points.chunks_exact(stride).zip(z) {
+                let (row, _) = S::as_simd_f64s(row);
+                let difference = simd.sub_f64s(row[i], simd.splat_f64s(z));
+                q = simd.mul_add_e_f64s(difference, difference, q);
+            }
+            *k = simd.mul_f64s(profile.value(simd, q), scale);
+            mean = simd.mul_add_e_f64s(*k, weight, mean);
+        }
+        simd.reduce_sum_f64s(mean)
     }
 }

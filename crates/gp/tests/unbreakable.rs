@@ -1,5 +1,11 @@
 //! Whatever the data: an answer without NaN or negative variance, or a typed error. Never a panic.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index runs over several arrays"
+)]
+
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
