@@ -1,6 +1,6 @@
 //! Predictions eight at a time: the inverse factor is read once for eight queries, from registers.
 //!
-//! `k*` of eight queries is kept point by point, eight numbers a point, so that a tile of 16 rows
+//! `k*` of eight queries is kept point by point, eight numbers a point, so that a tile of 8 rows
 //! by eight queries of `L⁻¹ k*` is a sum of outer products.
 
 use pulp::{Simd, WithSimd};
@@ -28,10 +28,10 @@ impl<P: Profile> WithSimd for GroupMoments<'_, P> {
     fn with_simd<S: Simd>(mut self, simd: S) -> Self::Output {
         let mean = self.covariances(simd);
         let explained = match S::F64_LANES {
-            8 => self.norms::<S, 2, 8>(simd),
-            4 => self.norms::<S, 4, 2>(simd),
-            2 => self.norms::<S, 8, 1>(simd),
-            _ => self.norms::<S, 16, 1>(simd),
+            8 => self.norms::<S, 1, 8>(simd),
+            4 => self.norms::<S, 2, 4>(simd),
+            2 => self.norms::<S, 4, 2>(simd),
+            _ => self.norms::<S, 8, 1>(simd),
         };
         (mean, explained)
     }
@@ -62,7 +62,7 @@ impl<P: Profile> GroupMoments<'_, P> {
         mean
     }
 
-    /// `|L⁻¹k*|²`, in tiles of 16 rows (`VECTORS` vectors) by `QUERIES` queries.
+    /// `|L⁻¹k*|²`, in tiles of 8 rows (`VECTORS` vectors) by `QUERIES` queries.
     #[inline(always)]
     fn norms<S: Simd, const VECTORS: usize, const QUERIES: usize>(&self, simd: S) -> [f64; GROUP] {
         let zero = simd.splat_f64s(0.0);

@@ -38,6 +38,7 @@ mod sample;
 mod saved;
 mod scores;
 mod sparse;
+mod sufficient;
 mod vector;
 
 pub use card::{Card, Warning};
@@ -55,3 +56,4 @@ pub use predict::{Prediction, Scratch};
 pub use sample::JointPrediction;
 pub use scores::{LeaveOneOut, LeaveOneOutScores, coverage};
 pub use sparse::{SparseGp, SparseMethod, SparseOptions};
+pub use sufficient::{Sufficient, sufficient_inducing, sufficient_points};

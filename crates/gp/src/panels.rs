@@ -1,7 +1,7 @@
 //! The inverse Cholesky factor `M = L⁻¹`, stored for one thing: `M k` as fast as memory allows.
 //!
 //! ```text
-//! panel p: rows 16p … 16p+15, columns 0 … min(16(p+1), N) − 1, column by column
+//! panel p: rows 8p … 8p+7, columns 0 … min(8(p+1), N) − 1, column by column
 //! ```
 //!
 //! Half the memory of a square, every access a whole vector, and no solve (a chain of `N`
@@ -12,14 +12,14 @@ use pulp::{Simd, WithSimd};
 use crate::aligned::Aligned;
 use crate::vector::{PANEL, padded};
 
-/// `L⁻¹` of an `n × n` covariance in panels of 16 rows.
+/// `L⁻¹` of an `n × n` covariance in panels of 8 rows.
 #[derive(Clone, Debug)]
 pub(crate) struct InverseFactor {
     n: usize,
     data: Aligned,
 }
 
-/// Where panel `p` starts: the panels before it have 16, 32, … 16p columns.
+/// Where panel `p` starts: the panels before it have 8, 16, … 8p columns.
 const fn offset(p: usize) -> usize {
     PANEL * PANEL * p * (p + 1) / 2
 }
@@ -174,7 +174,7 @@ impl InverseFactor {
         smaller
     }
 
-    /// The panels from top to bottom, each column by column, 16 entries a column.
+    /// The panels from top to bottom, each column by column, 8 entries a column.
     #[inline(always)]
     pub(crate) fn panels(&self) -> impl Iterator<Item = &[f64]> {
         let mut rest = &self.data[..];
@@ -210,10 +210,10 @@ impl WithSimd for NormSquared<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
         match S::F64_LANES {
-            8 => self.run::<S, 2, 4>(simd),
-            4 => self.run::<S, 4, 2>(simd),
-            2 => self.run::<S, 8, 2>(simd),
-            _ => self.run::<S, 16, 1>(simd),
+            8 => self.run::<S, 1, 8>(simd),
+            4 => self.run::<S, 2, 4>(simd),
+            2 => self.run::<S, 4, 2>(simd),
+            _ => self.run::<S, 8, 1>(simd),
         }
     }
 }

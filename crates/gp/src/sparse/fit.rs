@@ -28,8 +28,8 @@ impl SparseGp {
     /// # Errors
     ///
     /// As [`SparseGp::condition`] and [`Gp::fit`](crate::Gp::fit); [`GpError::Shape`] if more
-    /// inducing inputs are asked for than there are points; [`GpError::MeanNotIdentifiable`] for a
-    /// mean other than zero, which the sparse model does not have.
+    /// inducing inputs are asked for than there are points; [`GpError::Unsupported`] for a mean
+    /// other than zero.
     ///
     /// # Cost
     ///
@@ -69,11 +69,8 @@ impl SparseGp {
             });
         }
         if options.fit.mean != Mean::Zero {
-            let coefficients = options.fit.mean.coefficients(dims);
-            return Err(GpError::MeanNotIdentifiable {
-                points: n,
-                coefficients,
-            });
+            let (model, feature) = ("a sparse Gaussian process", "mean other than zero");
+            return Err(GpError::Unsupported { model, feature });
         }
         let frame = Frame::of(points.values(), dims);
         let resolved = options.fit.resolve(&frame, y)?;
