@@ -158,8 +158,8 @@ def fit_gpflow(x, y, inducing):
     signature = [tf.TensorSpec([None, x.shape[1]], tf.float64)]
     moments = tf.function(posterior.predict_f, input_signature=signature)
     found = {
-        "s2": float(kernel.variance),
-        "noise": float(model.likelihood.variance),
+        "s2": float(kernel.variance.numpy()),
+        "noise": float(model.likelihood.variance.numpy()),
         "ell": kernel.lengthscales.numpy().tolist(),
         "Z": model.inducing_variable.Z.numpy().tolist(),
     }

@@ -36,7 +36,7 @@ pub(crate) enum NoValue {
 
 /// The data of a regression and the memory to evaluate its evidence again and again.
 pub(crate) struct Evidence {
-    arch: Arch,
+    pub(crate) arch: Arch,
     kernel: Kernel,
     n: usize,
     dims: usize,

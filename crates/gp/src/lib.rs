@@ -1,4 +1,4 @@
-//! Gaussian-process regression on its own: kernels, posteriors, evidence, fitting and scores.
+#![doc = include_str!("../README.md")]
 //!
 //! # References
 //!

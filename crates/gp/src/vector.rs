@@ -66,6 +66,15 @@ pub(crate) fn exp<S: Simd>(simd: S, x: S::f64s) -> S::f64s {
     simd.select_f64s(underflow, splat(0.0), value)
 }
 
+/// Every instruction set that this processor has, for tests.
+#[cfg(test)]
+pub(crate) fn every_arch() -> Vec<pulp::Arch> {
+    let mut every = vec![pulp::Arch::Scalar, pulp::Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    every.extend(pulp::x86::V3::try_new().map(pulp::Arch::V3));
+    every
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
