@@ -1,6 +1,8 @@
 //! A robot that is not ours: other names and signs, torque motors, other mass and lengths. It is
 //! checked, learned on, and better afterwards.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::path::Path;
 
 use stridemap_lab::{Algorithm, NoRecorder, builtin, check};

@@ -1,5 +1,7 @@
 //! The robot as a stride process: physics, contract, outcomes.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_lab::{Plant, Push, builtin};

@@ -1,5 +1,7 @@
 //! A run directory: the same seed gives the same bytes, and a killed run ends like an unbroken one.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
