@@ -13,16 +13,20 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{ActorCritic, ConstantPolicy, Learner, SavedPolicy, TrialSummary};
-use stridemap_returnmap::{LearnedMap, MapSample, MapWorld, StateReward, StrideEnd, StrideProcess};
+use stridemap_returnmap::{
+    LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess,
+};
 
 use crate::error::LabError;
-use crate::plant::{Plant, PlantCounters};
-use crate::reward::reward_of_state;
+use crate::plant::{InPlace, Plant, PlantCounters};
+use crate::proof::Proof;
+use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
 use crate::strides::{
-    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
+    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive, make_strides,
 };
-use crate::task::{LearnerKind, Task};
+use crate::task::Task;
+use crate::walk::{Walk, Walker};
 
 /// Wall-clock seconds spent, by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -52,6 +56,16 @@ pub struct Iteration {
     pub log_marginal_likelihood: Vec<f64>,
     /// The policy as evaluated on the robot to choose; `None` without evaluation strides.
     pub evaluation: Option<Performance>,
+    /// How the robot stepped in place at the start of this iteration's batch; with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub in_place: Option<InPlace>,
+    /// Root mean square of what the map of this iteration cannot predict of the pitch rate (leave one
+    /// out); with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch_rate_residual_deg_s: Option<f64>,
+    /// What became of the policy on the robot; with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<Proof>,
     /// The policy as measured on the robot to report.
     pub record: Option<Performance>,
 }
@@ -78,10 +92,20 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Index of the best policy: the best evaluated one, the earlier of equals; without evaluations
-    /// the last. `None` before the first improvement.
+    /// What became of each policy, in their order; empty without caution.
+    #[must_use]
+    pub fn proofs(&self) -> Vec<&Proof> {
+        let proofs = self.iterations.iter().map_while(|i| i.proof.as_ref());
+        proofs.take(self.policies.len()).collect()
+    }
+
+    /// Index of the best policy: the fastest proven one; without proofs the best evaluated one, the
+    /// earlier of equals; without evaluations the last. `None` before the first improvement.
     #[must_use]
     pub fn best(&self) -> Option<usize> {
+        if let Some(chosen) = Proof::choice(&self.proofs()) {
+            return Some(chosen);
+        }
         let evaluated = self.policies.iter().enumerate().filter_map(|(i, _)| {
             let performance = self.iterations.get(i)?.evaluation?;
             Some((i, performance.mean_reward))
@@ -188,9 +212,9 @@ pub enum Phase {
 
 /// A run of Algorithm 1: a task, a robot and what has been achieved so far.
 pub struct Algorithm<'a> {
-    task: &'a Task,
-    seed: u64,
-    plant: Plant,
+    pub(crate) task: &'a Task,
+    pub(crate) seed: u64,
+    pub(crate) plant: Plant,
     /// What has been achieved so far.
     pub progress: Progress,
 }
@@ -264,8 +288,12 @@ impl<'a> Algorithm<'a> {
             if self.progress.iterations.len() == i {
                 self.collect(recorder)?;
             }
-            let map = self.fit(recorder)?;
-            self.improve(&map, recorder)?;
+            if self.task.learner.kind.uses_map() {
+                let map = self.fit(recorder)?;
+                self.improve(&map, recorder)?;
+            } else {
+                self.improve_on(None, recorder)?;
+            }
             self.evaluate(recorder)?;
             self.record_iteration(recorder)?;
         }
@@ -287,6 +315,14 @@ impl<'a> Algorithm<'a> {
         }
         let done = progress.iterations.len();
         if done >= self.task.algorithm.iterations {
+            return true;
+        }
+        let trial = self
+            .task
+            .caution
+            .as_ref()
+            .map_or(1, |c| c.proof.trial_strides);
+        if done > 0 && self.strides_left() < trial {
             return true;
         }
         let Some(least) = self.task.algorithm.stop_below_improvement else {
@@ -349,16 +385,28 @@ impl<'a> Algorithm<'a> {
             iteration: index + 1,
             phase: StridePhase::Collect,
             role: StrideRole::Training,
-            strides: counts.get(index).or(counts.last()).copied().unwrap_or(0),
+            strides: if self.task.learner.kind.explores() {
+                counts.get(index).or(counts.last()).copied().unwrap_or(0)
+            } else {
+                0
+            },
         };
         let policy = self.progress.best_policy().cloned();
-        let (transitions, counted) = self.strides_on_robot(
+        let (transitions, mut counted) = self.strides_on_robot(
             policy.as_ref(),
             batch,
             None,
             (Role::Collect, index as u64),
             recorder,
         )?;
+        if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
+            // Nothing was explored, but thresholds need to know how the robot steps in place.
+            let before = self.plant.counters();
+            self.plant
+                .reset(&mut stream(self.seed, Role::Collect, index as u64))?;
+            counted = self.plant.counters().since(before);
+        }
+        let cautious = self.task.caution.is_some() && self.plant.in_place().sections > 0;
         self.progress.transitions.extend(transitions);
         self.progress.iterations.push(Iteration {
             iteration: index + 1,
@@ -366,6 +414,7 @@ impl<'a> Algorithm<'a> {
             falls: counted.falls,
             stalls: counted.stalls,
             warm_up: counted.warm_up,
+            in_place: cautious.then(|| self.plant.in_place()),
             ..Iteration::default()
         });
         recorder.checkpoint(Phase::Collect, &self.progress)
@@ -383,6 +432,19 @@ impl<'a> Algorithm<'a> {
         self.progress.seconds.fit += started.elapsed().as_secs_f64();
         if let Some(last) = self.progress.iterations.last_mut() {
             last.log_marginal_likelihood = map.log_marginal_likelihoods();
+            let pitch_rate = self
+                .task
+                .state
+                .iter()
+                .position(|c| *c == StateComponent::PsiPitchRateDegS)
+                .filter(|_| self.task.caution.is_some());
+            if let Some(i) = pitch_rate {
+                let scores = map.outputs()[i].leave_one_out();
+                let residuals = scores.map_err(ProcessError::from)?.residuals;
+                let squares: f64 = residuals.iter().map(|r| r * r).sum();
+                let rms = (squares / residuals.len() as f64).sqrt();
+                last.pitch_rate_residual_deg_s = Some(rms);
+            }
         }
         recorder.map(iteration, &map)?;
         Ok(map)
@@ -398,32 +460,53 @@ impl<'a> Algorithm<'a> {
         map: &LearnedMap,
         recorder: &mut dyn Recorder,
     ) -> Result<(), LabError> {
+        self.improve_on(Some(map), recorder)
+    }
+
+    /// Step 4 in the map, or by a control that needs none.
+    fn improve_on(
+        &mut self,
+        map: Option<&LearnedMap>,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), LabError> {
         let iteration = self.progress.policies.len() + 1;
         let started = Instant::now();
-        let initial = if self.task.learner.warm_start {
-            self.progress.policies.last()
-        } else {
-            None
-        };
         let mut rng = stream(self.seed, Role::Improve, iteration as u64);
-        let mut process = map.clone();
         let mut written: Result<(), LabError> = Ok(());
-        let outcome = match self.task.learner.kind {
-            LearnerKind::ActorCritic => {
+        let mut observe = |trial: &TrialSummary| {
+            if written.is_ok() {
+                written = recorder.trial(iteration, trial);
+            }
+        };
+        let policy = match (&self.task.caution, map) {
+            (Some(caution), map) => self.propose(caution, map, &mut rng, &mut observe)?,
+            (None, Some(map)) => {
+                let initial = if self.task.learner.warm_start {
+                    self.progress.policies.last()
+                } else {
+                    None
+                };
                 let mut learner = ActorCritic {
                     config: self.task.learner.actor_critic.clone(),
                 };
-                learner.improve(&mut process, initial, &mut rng, &mut |report| {
-                    if written.is_ok() {
-                        written = recorder.trial(iteration, report.summary);
-                    }
-                })?
+                let mut process = map.clone();
+                learner
+                    .improve(&mut process, initial, &mut rng, &mut |report| {
+                        observe(report.summary);
+                    })?
+                    .policy
+            }
+            (None, None) => {
+                return Err(LabError::TooFewStrides {
+                    found: 0,
+                    needed: 1,
+                });
             }
         };
         written?;
         self.progress.seconds.improve += started.elapsed().as_secs_f64();
-        recorder.policy(iteration, &outcome.policy)?;
-        self.progress.policies.push(outcome.policy);
+        recorder.policy(iteration, &policy)?;
+        self.progress.policies.push(policy);
         recorder.checkpoint(Phase::Improve, &self.progress)
     }
 
@@ -434,6 +517,10 @@ impl<'a> Algorithm<'a> {
     /// As [`Self::learn`].
     pub fn evaluate(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         let config = &self.task.algorithm;
+        if let Some(caution) = &self.task.caution {
+            self.prove(caution, recorder)?;
+            return recorder.checkpoint(Phase::Evaluate, &self.progress);
+        }
         let Some(policy) = self.progress.policies.last().cloned() else {
             return Ok(());
         };
@@ -481,12 +568,31 @@ impl<'a> Algorithm<'a> {
         recorder: &mut dyn Recorder,
     ) -> Result<Performance, LabError> {
         let discard = self.task.record.discard;
-        let batch = Batch {
+        let mut batch = Batch {
             iteration: self.progress.policies.len(),
             phase: StridePhase::Record,
             role: StrideRole::Record,
             strides: strides + discard,
         };
+        if let Some(seconds) = self.task.record.walk_s {
+            // Time ends this batch, or a fall.
+            batch.strides = usize::MAX;
+            let started = Instant::now();
+            let transitions = drive(
+                &mut self.plant,
+                &mut Walker::new(policy, seconds),
+                batch,
+                &mut stream(self.seed, Role::Record, stream_index),
+                &mut |_, _| {},
+                &mut |t| recorder.stride(t, Some(what)),
+            )?;
+            self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+            self.progress.record_strides += transitions.len();
+            return Ok(Performance {
+                walk: Some(Walk::of(&transitions, seconds)),
+                ..Performance::of(&transitions, discard)
+            });
+        }
         let (transitions, _) = self.strides_on_robot(
             Some(policy),
             batch,

@@ -7,7 +7,7 @@ use crate::error::{Invalid, LabError};
 use crate::task::Task;
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 2] = [
+pub const TASKS: [(&str, &str); 3] = [
     (
         "stepping",
         include_str!("../../../experiments/stepping.toml"),
@@ -16,6 +16,7 @@ pub const TASKS: [(&str, &str); 2] = [
         "stepping-paper",
         include_str!("../../../experiments/stepping-paper.toml"),
     ),
+    ("walking", include_str!("../../../experiments/walking.toml")),
 ];
 
 /// A task, read and checked.
