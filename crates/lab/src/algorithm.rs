@@ -59,8 +59,8 @@ pub struct Iteration {
     /// How the robot stepped in place at the start of this iteration's batch; with caution only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub in_place: Option<InPlace>,
-    /// Root mean square of what the map of this iteration cannot predict of the pitch rate (leave one
-    /// out); with caution only.
+    /// Spread of what the map of this iteration cannot predict of the pitch rate (leave one out; by
+    /// the median, because strides before a fall are not what is usual); with caution only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pitch_rate_residual_deg_s: Option<f64>,
     /// What became of the policy on the robot; with caution only.
@@ -441,9 +441,7 @@ impl<'a> Algorithm<'a> {
             if let Some(i) = pitch_rate {
                 let scores = map.outputs()[i].leave_one_out();
                 let residuals = scores.map_err(ProcessError::from)?.residuals;
-                let squares: f64 = residuals.iter().map(|r| r * r).sum();
-                let rms = (squares / residuals.len() as f64).sqrt();
-                last.pitch_rate_residual_deg_s = Some(rms);
+                last.pitch_rate_residual_deg_s = Some(robust_std(&residuals));
             }
         }
         recorder.map(iteration, &map)?;
@@ -636,6 +634,16 @@ impl<'a> Algorithm<'a> {
         self.progress.final_performance = Some(performance);
         recorder.checkpoint(Phase::Final, &self.progress)
     }
+}
+
+/// Standard deviation of residuals by their median magnitude, as if they were normal: a few large ones
+/// do not count.
+fn robust_std(residuals: &[f64]) -> f64 {
+    /// Of a normal distribution: standard deviation over median magnitude.
+    const NORMAL: f64 = 1.482_602_218_505_602;
+    let mut magnitudes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+    magnitudes.sort_by(f64::total_cmp);
+    magnitudes.get(residuals.len() / 2).map_or(0.0, |m| NORMAL * m)
 }
 
 /// Fits the map of a task to strides: those with the training role that reached the next section.

@@ -43,6 +43,7 @@ impl CautionConfig {
                 g.pitch_rate_change_deg_s,
                 true,
             ),
+            ("guard.turn_deg", g.turn_deg, true),
             ("guard.residual_stds", g.residual_stds, false),
             ("pessimism.std_weight", p.std_weight, false),
             ("pessimism.unsafe_penalty", p.unsafe_penalty, false),

@@ -47,8 +47,11 @@ pub struct StrideModel {
     pub of_action: DVector<f64>,
     /// h, for the same component of the last action.
     pub of_last_action: DVector<f64>,
-    /// Variances of n.
+    /// Variances of n, at least those of a twentieth of the data's spread: a simulator has next to
+    /// none, and a model of it is not that good.
     pub noise: DVector<f64>,
+    /// Spread of the data.
+    pub spread: DVector<f64>,
 }
 
 /// Linearizes a map about its steady state under constant actions, by central differences.
@@ -66,6 +69,7 @@ pub fn stride_model(
     const AVERAGED: usize = 20;
     /// Steps of the differences: this share of the data's spread, or of the action's unit.
     const STEP: f64 = 0.2;
+    const LEAST_NOISE: f64 = 0.05;
     let samples = map.samples();
     let n = map.outputs().len();
     let count = samples.len().max(1) as f64;
@@ -135,13 +139,18 @@ pub fn stride_model(
     let noise = map
         .outputs()
         .iter()
-        .map(|gp| gp.hyperparameters().noise_variance.max(1e-12));
+        .enumerate()
+        .map(|(i, gp)| {
+            let least = (LEAST_NOISE * spread(i)).powi(2);
+            gp.hyperparameters().noise_variance.max(least)
+        });
     Ok(StrideModel {
         state,
         of_state,
         of_action,
         of_last_action,
         noise: DVector::from_iterator(n, noise),
+        spread: DVector::from_iterator(n, (0..n).map(spread)),
     })
 }
 
@@ -215,8 +224,8 @@ pub fn with_feedback(
     let n = model.state.len();
     let law_gain = limits[component].gain;
     let cost = |k: &[f64]| model.cost(k, law_gain, config.action_cost / (unit * unit));
-    // One unit of action for a state as far off as the noise is wide would be a strong feedback.
-    let std: Vec<f64> = (0..n).map(|i| 0.1 * unit / model.noise[i].sqrt()).collect();
+    // One unit of action for a state as far off as the data are wide would be a strong feedback.
+    let std: Vec<f64> = (0..n).map(|i| 0.3 * unit / model.spread[i]).collect();
     let mut search = CmaEs::new(&vec![0.0; n], &std, None)?;
     let (mut best, mut least) = (vec![0.0; n], cost(&vec![0.0; n]));
     for _ in 0..GENERATIONS {
@@ -252,6 +261,7 @@ mod tests {
             of_action: nalgebra::dvector![0.5],
             of_last_action: nalgebra::dvector![0.0],
             noise: nalgebra::dvector![0.04],
+            spread: nalgebra::dvector![1.0],
         };
         assert!((model.cost(&[0.0], 1.0, 0.0) - 1.0 / 0.19).abs() < 1e-6);
         assert!((model.cost(&[1.8], 1.0, 0.0) - 1.0).abs() < 1e-9);

@@ -2,8 +2,9 @@
 //!
 //! Near its cliff the robot alternates: left and right strides differ more and more (a flip, that is a
 //! multiplier beyond −1), seen first in the pitch rate, in `ψ_roll` only one or two strides before the
-//! fall. The guard warns when two successive changes of the pitch rate have opposite signs and are
-//! both large, or when `ψ_roll` is low. Large and low are relative: to what the map cannot predict
+//! fall; and it turns. The guard warns when two successive changes of the pitch rate have opposite
+//! signs and are both large, when two strides together turn the robot by more than a straight walk
+//! does, or when `ψ_roll` is low. Large and low are relative: to what the map cannot predict
 //! (its residual), and to the robot's own stepping in place.
 
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,9 @@ pub struct GuardConfig {
     pub silent_strides: usize,
     /// Changes of the pitch rate that are large on any robot, deg/s.
     pub pitch_rate_change_deg_s: f64,
-    /// Added to that, in standard deviations of what the map cannot predict of the pitch rate.
+    /// Change of heading over two strides, one on each leg, that is large, deg.
+    pub turn_deg: f64,
+    /// Added to the changes of the pitch rate, in standard deviations of what the map cannot predict of the pitch rate.
     pub residual_stds: f64,
     /// `ψ_roll` this far below its mean in place is low, deg.
     pub psi_roll_below_in_place_deg: f64,
@@ -30,6 +33,8 @@ pub struct GuardConfig {
 pub struct GuardThresholds {
     /// Two opposite changes of the pitch rate beyond this warn.
     pub pitch_rate_change_deg_s: f64,
+    /// A turn over two strides beyond this warns.
+    pub turn_deg: f64,
     /// A section with `ψ_roll` below this warns.
     pub psi_roll_below_deg: f64,
 }
@@ -46,6 +51,7 @@ impl GuardConfig {
     /// let config = GuardConfig {
     ///     silent_strides: 3,
     ///     pitch_rate_change_deg_s: 6.0,
+    ///     turn_deg: 6.5,
     ///     residual_stds: 2.0,
     ///     psi_roll_below_in_place_deg: 2.0,
     /// };
@@ -60,6 +66,7 @@ impl GuardConfig {
             pitch_rate_change_deg_s: self.pitch_rate_change_deg_s
                 + in_place.pitch_rate_change_deg_s
                 + self.residual_stds * residual_deg_s,
+            turn_deg: self.turn_deg,
             psi_roll_below_deg: in_place.psi_roll_deg - self.psi_roll_below_in_place_deg,
         }
     }
@@ -71,6 +78,8 @@ impl GuardConfig {
 pub enum Warning {
     /// The pitch rate alternates.
     Flip,
+    /// The robot turns.
+    Turn,
     /// The mass is near the outer edge of the foot.
     LowRoll,
 }
@@ -83,6 +92,7 @@ pub struct Guard {
     seen: usize,
     last_rate: Option<f64>,
     last_change: f64,
+    last_turn_deg: f64,
 }
 
 impl Guard {
@@ -95,6 +105,7 @@ impl Guard {
             seen: 0,
             last_rate: None,
             last_change: 0.0,
+            last_turn_deg: 0.0,
         }
     }
 
@@ -107,19 +118,17 @@ impl Guard {
         self.seen += 1;
         let large = self.thresholds.pitch_rate_change_deg_s;
         let flips = change * before < 0.0 && change.abs() > large && before.abs() > large;
+        let turn_before = std::mem::replace(&mut self.last_turn_deg, measures.turn_deg);
+        let turns = (measures.turn_deg + turn_before).abs() > self.thresholds.turn_deg;
         if self.seen > self.silent && flips {
             Some(Warning::Flip)
+        } else if self.seen > self.silent && turns {
+            Some(Warning::Turn)
         } else if measures.psi_roll_deg < self.thresholds.psi_roll_below_deg {
             Some(Warning::LowRoll)
         } else {
             None
         }
-    }
-
-    /// Whether the last stride was calm: a small change of the pitch rate.
-    #[must_use]
-    pub fn is_calm(&self) -> bool {
-        self.last_change.abs() < 0.5 * self.thresholds.pitch_rate_change_deg_s
     }
 }
 
@@ -131,6 +140,7 @@ mod tests {
         let config = GuardConfig {
             silent_strides,
             pitch_rate_change_deg_s: 3.0,
+            turn_deg: 6.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
         };
@@ -157,11 +167,33 @@ mod tests {
         );
     }
 
+    /// The pelvis turns to and fro with every step; what stays over two steps is a turn.
+    #[test]
+    fn a_turn_over_two_strides_warns() {
+        let config = GuardConfig {
+            silent_strides: 0,
+            pitch_rate_change_deg_s: 3.0,
+            turn_deg: 6.0,
+            residual_stds: 0.0,
+            psi_roll_below_in_place_deg: 1.0,
+        };
+        let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
+        let mut seen = |turn_deg| {
+            guard.watch(&StrideMeasures {
+                turn_deg,
+                ..Default::default()
+            })
+        };
+        assert_eq!([5.0, -8.0, 9.0].map(&mut seen), [None; 3]);
+        assert_eq!(seen(-2.0), Some(Warning::Turn));
+    }
+
     #[test]
     fn a_low_roll_warns_at_once() {
         let config = GuardConfig {
             silent_strides: 9,
             pitch_rate_change_deg_s: 3.0,
+            turn_deg: 6.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
         };
