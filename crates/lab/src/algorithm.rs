@@ -392,13 +392,18 @@ impl<'a> Algorithm<'a> {
             },
         };
         let policy = self.progress.best_policy().cloned();
-        let (transitions, mut counted) = self.strides_on_robot(
-            policy.as_ref(),
-            batch,
-            None,
-            (Role::Collect, index as u64),
-            recorder,
-        )?;
+        let (transitions, mut counted) = if let (Some(caution), None) = (&self.task.caution, &policy)
+        {
+            self.explore_under_guard(caution, batch, recorder)?
+        } else {
+            self.strides_on_robot(
+                policy.as_ref(),
+                batch,
+                None,
+                (Role::Collect, index as u64),
+                recorder,
+            )?
+        };
         if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
             // Nothing was explored, but thresholds need to know how the robot steps in place.
             let before = self.plant.counters();

@@ -7,7 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use stridemap_learn::{
     ActorCritic, ConstantPolicy, Learner, SavedPolicy, SearchConfig, SearchLearner, TrialSummary,
 };
-use stridemap_returnmap::{LearnedMap, MapFailure, ProcessSpec, StateReward, StrideEnd};
+use stridemap_returnmap::{
+    LearnedMap, MapFailure, ProcessSpec, StateReward, StrideEnd, StrideProcess,
+};
 
 use crate::algorithm::{Algorithm, Recorder};
 use crate::caution::CautionConfig;
@@ -15,11 +17,14 @@ use crate::controls;
 use crate::error::LabError;
 use crate::feedback::with_feedback;
 use crate::pessimism::{CautiousMap, CautiousWorld};
-use crate::plant::InPlace;
+use crate::guarded::GuardedExplorer;
+use crate::plant::{InPlace, PlantCounters};
 use crate::proof::{Proof, Prover, Verdict, shrunk};
 use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
-use crate::strides::{Batch, Performance, StridePhase, StrideRole, Transition, drive};
+use crate::strides::{
+    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive,
+};
 use crate::task::{LearnerKind, Task};
 use crate::trust::Region;
 
@@ -89,6 +94,41 @@ impl Algorithm<'_> {
         let made: usize = self.progress.iterations.iter().map(|i| i.strides).sum();
         let budget = self.task.algorithm.strides_at_most.unwrap_or(usize::MAX);
         budget.saturating_sub(made)
+    }
+
+    /// Step 2 without a policy: explores, and goes back towards the nominal gait after a warning.
+    pub(crate) fn explore_under_guard(
+        &mut self,
+        caution: &CautionConfig,
+        batch: Batch,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
+        let before = self.plant.counters();
+        let started = Instant::now();
+        let mut rng = stream(self.seed, Role::Collect, (batch.iteration - 1) as u64);
+        let limits = self.task.action_limits()?;
+        let source = ActionSource::Explore(&self.task.collect.explore);
+        // A start of its own tells how the robot steps in place; the batch starts afresh.
+        self.plant.reset(&mut rng.clone())?;
+        let guard = &caution.guard;
+        let thresholds = guard.thresholds(self.plant.in_place(), 0.0);
+        let mut explorer = GuardedExplorer::new(
+            &source,
+            &caution.guard,
+            Some(thresholds.exploring(guard.exploring_factor)),
+            limits.iter().map(|l| l.neutral).collect(),
+            caution.proof.back_off_strides,
+        );
+        let made = drive(
+            &mut self.plant,
+            &mut explorer,
+            batch,
+            &mut rng,
+            &mut |_, _| {},
+            &mut |t| recorder.stride(t, None),
+        );
+        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+        Ok((made?, self.plant.counters().since(before)))
     }
 
     /// Proposes the next policy within the trust region: found in the map, or by a control without one.

@@ -44,6 +44,8 @@ impl CautionConfig {
                 true,
             ),
             ("guard.turn_deg", g.turn_deg, true),
+            ("guard.heading_deg", g.heading_deg, true),
+            ("guard.exploring_factor", g.exploring_factor, true),
             ("guard.residual_stds", g.residual_stds, false),
             ("pessimism.std_weight", p.std_weight, false),
             ("pessimism.unsafe_penalty", p.unsafe_penalty, false),

@@ -200,6 +200,7 @@ mod tests {
     fn proof(action: Vec<f64>) -> Proof {
         Proof {
             verdict: Verdict::Slower,
+            warning: None,
             speed_m_s: speed(&action),
             strides: 30,
             attempts: 1,

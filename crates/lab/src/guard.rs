@@ -22,6 +22,10 @@ pub struct GuardConfig {
     pub pitch_rate_change_deg_s: f64,
     /// Change of heading over two strides, one on each leg, that is large, deg.
     pub turn_deg: f64,
+    /// Change of heading since the episode began that is large, deg.
+    pub heading_deg: f64,
+    /// Factor on the large changes and turns while exploring, whose targets move by themselves.
+    pub exploring_factor: f64,
     /// Added to the changes of the pitch rate, in standard deviations of what the map cannot predict of the pitch rate.
     pub residual_stds: f64,
     /// `ψ_roll` this far below its mean in place is low, deg.
@@ -35,6 +39,8 @@ pub struct GuardThresholds {
     pub pitch_rate_change_deg_s: f64,
     /// A turn over two strides beyond this warns.
     pub turn_deg: f64,
+    /// A change of heading since the beginning beyond this warns.
+    pub heading_deg: f64,
     /// A section with `ψ_roll` below this warns.
     pub psi_roll_below_deg: f64,
 }
@@ -52,6 +58,8 @@ impl GuardConfig {
     ///     silent_strides: 3,
     ///     pitch_rate_change_deg_s: 6.0,
     ///     turn_deg: 6.5,
+    ///     heading_deg: 25.0,
+    ///     exploring_factor: 2.0,
     ///     residual_stds: 2.0,
     ///     psi_roll_below_in_place_deg: 2.0,
     /// };
@@ -67,7 +75,21 @@ impl GuardConfig {
                 + in_place.pitch_rate_change_deg_s
                 + self.residual_stds * residual_deg_s,
             turn_deg: self.turn_deg,
+            heading_deg: self.heading_deg,
             psi_roll_below_deg: in_place.psi_roll_deg - self.psi_roll_below_in_place_deg,
+        }
+    }
+}
+
+impl GuardThresholds {
+    /// Thresholds while exploring: changes and turns may be this much larger, headings wander.
+    #[must_use]
+    pub const fn exploring(self, factor: f64) -> Self {
+        Self {
+            pitch_rate_change_deg_s: factor * self.pitch_rate_change_deg_s,
+            turn_deg: factor * self.turn_deg,
+            heading_deg: f64::INFINITY,
+            ..self
         }
     }
 }
@@ -93,6 +115,7 @@ pub struct Guard {
     last_rate: Option<f64>,
     last_change: f64,
     last_turn_deg: f64,
+    heading_deg: f64,
 }
 
 impl Guard {
@@ -106,6 +129,7 @@ impl Guard {
             last_rate: None,
             last_change: 0.0,
             last_turn_deg: 0.0,
+            heading_deg: 0.0,
         }
     }
 
@@ -119,7 +143,11 @@ impl Guard {
         let large = self.thresholds.pitch_rate_change_deg_s;
         let flips = change * before < 0.0 && change.abs() > large && before.abs() > large;
         let turn_before = std::mem::replace(&mut self.last_turn_deg, measures.turn_deg);
-        let turns = (measures.turn_deg + turn_before).abs() > self.thresholds.turn_deg;
+        self.heading_deg += measures.turn_deg;
+        // The pelvis turns to and fro with every step: the heading is that between two.
+        let heading_deg = self.heading_deg - 0.5 * measures.turn_deg;
+        let turns = (measures.turn_deg + turn_before).abs() > self.thresholds.turn_deg
+            || heading_deg.abs() > self.thresholds.heading_deg;
         if self.seen > self.silent && flips {
             Some(Warning::Flip)
         } else if self.seen > self.silent && turns {
@@ -141,6 +169,8 @@ mod tests {
             silent_strides,
             pitch_rate_change_deg_s: 3.0,
             turn_deg: 6.0,
+            heading_deg: 20.0,
+            exploring_factor: 1.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
         };
@@ -174,6 +204,8 @@ mod tests {
             silent_strides: 0,
             pitch_rate_change_deg_s: 3.0,
             turn_deg: 6.0,
+            heading_deg: 20.0,
+            exploring_factor: 1.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
         };
@@ -194,6 +226,8 @@ mod tests {
             silent_strides: 9,
             pitch_rate_change_deg_s: 3.0,
             turn_deg: 6.0,
+            heading_deg: 20.0,
+            exploring_factor: 1.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
         };

@@ -26,6 +26,7 @@ mod controls;
 mod error;
 mod feedback;
 mod guard;
+mod guarded;
 mod measure;
 mod pessimism;
 mod plant;
@@ -53,6 +54,7 @@ pub use controls::ControlsConfig;
 pub use error::{Invalid, LabError};
 pub use feedback::{JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use guard::{Guard, GuardConfig, GuardThresholds, Warning};
+pub use guarded::GuardedExplorer;
 pub use measure::{StrideMeasures, StrideMeter};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{

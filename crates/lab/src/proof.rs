@@ -11,7 +11,7 @@ use stridemap_learn::{ConstantPolicy, LinearPolicy, Policy, SavedPolicy};
 use stridemap_returnmap::{Action, StrideEnd};
 
 use crate::error::LabError;
-use crate::guard::{Guard, GuardConfig, GuardThresholds};
+use crate::guard::{Guard, GuardConfig, GuardThresholds, Warning};
 use crate::strides::{Act, Next, Transition};
 
 /// When a policy counts as proven.
@@ -55,6 +55,9 @@ pub enum Verdict {
 pub struct Proof {
     /// What became of it.
     pub verdict: Verdict,
+    /// What the guard warned of, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<Warning>,
     /// Speed along the first heading after the policy had settled.
     pub speed_m_s: f64,
     /// Strides without a warning.
@@ -105,6 +108,7 @@ pub struct Prover<'a> {
     actions: Vec<f64>,
     backing_off: Option<usize>,
     verdict: Verdict,
+    warning: Option<Warning>,
 }
 
 impl<'a> Prover<'a> {
@@ -134,6 +138,7 @@ impl<'a> Prover<'a> {
             actions: vec![0.0; config.back_off.len()],
             backing_off: None,
             verdict: Verdict::Unfinished,
+            warning: None,
         }
     }
 
@@ -143,6 +148,7 @@ impl<'a> Prover<'a> {
         let settled = self.walked.saturating_sub(self.config.settle_strides);
         Proof {
             verdict: self.verdict,
+            warning: self.warning,
             speed_m_s: if self.time_s > 0.0 {
                 self.forward_m / self.time_s
             } else {
@@ -198,7 +204,8 @@ impl Act for Prover<'_> {
                 *sum += u;
             }
         }
-        if self.guard.watch(&transition.measures).is_some() {
+        self.warning = self.guard.watch(&transition.measures);
+        if self.warning.is_some() {
             return self.warned();
         }
         let speed_m_s = self.forward_m / self.time_s.max(f64::MIN_POSITIVE);

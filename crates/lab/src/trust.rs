@@ -143,6 +143,7 @@ mod tests {
     fn proof(verdict: Verdict, speed_m_s: f64, action: f64) -> Proof {
         Proof {
             verdict,
+            warning: None,
             speed_m_s,
             strides: 60,
             attempts: 1,
