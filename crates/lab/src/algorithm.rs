@@ -9,6 +9,7 @@
 //! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,7 @@ use stridemap_returnmap::{
 
 use crate::error::LabError;
 use crate::plant::{InPlace, Plant, PlantCounters};
+use crate::poses::{PoseRecorder, Recording};
 use crate::proof::Proof;
 use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
@@ -27,6 +29,9 @@ use crate::strides::{
 };
 use crate::task::Task;
 use crate::walk::{Walk, Walker};
+
+/// Time between recorded poses: smooth to the eye, small on disk.
+const FRAME_PERIOD_S: f64 = 0.02;
 
 /// Wall-clock seconds spent, by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -162,6 +167,13 @@ pub trait Recorder {
     /// As [`Self::stride`].
     fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError>;
 
+    /// A measured policy's motion was recorded, to be looked at.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError>;
+
     /// A phase is complete: what was recorded up to here is final.
     ///
     /// # Errors
@@ -185,6 +197,9 @@ impl Recorder for NoRecorder {
         Ok(())
     }
     fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn poses(&mut self, _: &str, _: &Recording) -> Result<(), LabError> {
         Ok(())
     }
     fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
@@ -283,19 +298,25 @@ impl<'a> Algorithm<'a> {
         if self.progress.nominal.is_none() {
             self.measure_nominal(recorder)?;
         }
-        while !self.is_finished() {
-            let i = self.progress.policies.len();
-            if self.progress.iterations.len() == i {
-                self.collect(recorder)?;
-            }
-            if self.task.learner.kind.uses_map() {
+        loop {
+            let (begun, improved) = (self.progress.iterations.len(), self.progress.policies.len());
+            let last = self.progress.iterations.last();
+            let evaluates =
+                self.task.algorithm.evaluation_strides > 0 || self.task.caution.is_some();
+            if improved < begun && !self.task.learner.kind.uses_map() {
+                self.improve_on(None, recorder)?;
+            } else if improved < begun {
                 let map = self.fit(recorder)?;
                 self.improve(&map, recorder)?;
+            } else if evaluates && last.is_some_and(|i| i.evaluation.is_none()) {
+                self.evaluate(recorder)?;
+            } else if last.is_some_and(|i| i.record.is_none()) {
+                self.record_iteration(recorder)?;
+            } else if self.is_finished() {
+                break;
             } else {
-                self.improve_on(None, recorder)?;
+                self.collect(recorder)?;
             }
-            self.evaluate(recorder)?;
-            self.record_iteration(recorder)?;
         }
         if self.progress.final_performance.is_none() {
             self.measure_final(recorder)?;
@@ -303,16 +324,9 @@ impl<'a> Algorithm<'a> {
         Ok(())
     }
 
-    /// Step 5: whether the loop has ended. An iteration that is not complete is completed first.
+    /// Step 5: whether the loop has ended, once its last iteration is complete.
     fn is_finished(&self) -> bool {
         let progress = &self.progress;
-        let complete = progress
-            .iterations
-            .last()
-            .is_none_or(|last| last.record.is_some());
-        if !complete {
-            return false;
-        }
         let done = progress.iterations.len();
         if done >= self.task.algorithm.iterations {
             return true;
@@ -392,18 +406,18 @@ impl<'a> Algorithm<'a> {
             },
         };
         let policy = self.progress.best_policy().cloned();
-        let (transitions, mut counted) = if let (Some(caution), None) = (&self.task.caution, &policy)
-        {
-            self.explore_under_guard(caution, batch, recorder)?
-        } else {
-            self.strides_on_robot(
-                policy.as_ref(),
-                batch,
-                None,
-                (Role::Collect, index as u64),
-                recorder,
-            )?
-        };
+        let (transitions, mut counted) =
+            if let (Some(caution), None) = (&self.task.caution, &policy) {
+                self.explore_under_guard(caution, batch, recorder)?
+            } else {
+                self.strides_on_robot(
+                    policy.as_ref(),
+                    batch,
+                    None,
+                    (Role::Collect, index as u64),
+                    recorder,
+                )?
+            };
         if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
             // Nothing was explored, but thresholds need to know how the robot steps in place.
             let before = self.plant.counters();
@@ -528,10 +542,6 @@ impl<'a> Algorithm<'a> {
             return Ok(());
         };
         let index = self.progress.policies.len() - 1;
-        let already = self.progress.iterations[index].evaluation.is_some();
-        if config.evaluation_strides == 0 || already {
-            return Ok(());
-        }
         let role = if config.evaluation_trains {
             StrideRole::Training
         } else {
@@ -571,40 +581,71 @@ impl<'a> Algorithm<'a> {
         recorder: &mut dyn Recorder,
     ) -> Result<Performance, LabError> {
         let discard = self.task.record.discard;
-        let mut batch = Batch {
+        let batch = Batch {
             iteration: self.progress.policies.len(),
             phase: StridePhase::Record,
             role: StrideRole::Record,
             strides: strides + discard,
         };
-        if let Some(seconds) = self.task.record.walk_s {
-            // Time ends this batch, or a fall.
-            batch.strides = usize::MAX;
-            let started = Instant::now();
-            let transitions = drive(
-                &mut self.plant,
-                &mut Walker::new(policy, seconds),
-                batch,
-                &mut stream(self.seed, Role::Record, stream_index),
-                &mut |_, _| {},
-                &mut |t| recorder.stride(t, Some(what)),
-            )?;
-            self.progress.seconds.simulation += started.elapsed().as_secs_f64();
-            self.progress.record_strides += transitions.len();
-            return Ok(Performance {
-                walk: Some(Walk::of(&transitions, seconds)),
-                ..Performance::of(&transitions, discard)
-            });
+        let recording = self.task.record.pose_seconds > 0.0 && !what.starts_with("iteration");
+        let recording = recording.then(|| {
+            let begin_s = self.task.gait.ramp_s.roll[1].max(self.task.gait.ramp_s.pitch[1]);
+            let end_s = begin_s + self.task.record.pose_seconds;
+            let (observer, recording) =
+                PoseRecorder::new(self.plant.robot(), FRAME_PERIOD_S, begin_s, end_s);
+            self.plant.observe(Some(Box::new(observer)));
+            recording
+        });
+        let result = match self.task.record.walk_s {
+            Some(seconds) => {
+                self.walk_on_robot(policy, batch, (what, seconds), stream_index, recorder)
+            }
+            None => self
+                .strides_on_robot(
+                    Some(policy),
+                    batch,
+                    Some(what),
+                    (Role::Record, stream_index),
+                    recorder,
+                )
+                .map(|(transitions, _)| transitions),
+        };
+        self.plant.observe(None);
+        let transitions = result?;
+        if let Some(recording) = recording.and_then(|r| Arc::into_inner(r)?.into_inner().ok()) {
+            recorder.poses(what, &recording)?;
         }
-        let (transitions, _) = self.strides_on_robot(
-            Some(policy),
-            batch,
-            Some(what),
-            (Role::Record, stream_index),
-            recorder,
-        )?;
-        self.progress.record_strides += batch.strides;
-        Ok(Performance::of(&transitions, discard))
+        self.progress.record_strides += transitions.len();
+        let walk_s = self.task.record.walk_s;
+        Ok(Performance {
+            walk: walk_s.map(|seconds| Walk::of(&transitions, seconds)),
+            ..Performance::of(&transitions, discard)
+        })
+    }
+
+    /// Walks a policy's mean from stepping on the spot, for some time or to the fall.
+    fn walk_on_robot(
+        &mut self,
+        policy: &SavedPolicy,
+        batch: Batch,
+        (what, seconds): (&str, f64),
+        stream_index: u64,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Vec<Transition>, LabError> {
+        let started = Instant::now();
+        let transitions = drive(
+            &mut self.plant,
+            &mut Walker::new(policy, seconds),
+            Batch {
+                strides: usize::MAX, // time ends it
+                ..batch
+            },
+            &mut stream(self.seed, Role::Record, stream_index),
+            &mut |_, _| {},
+            &mut |t| recorder.stride(t, Some(what)),
+        );
+        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+        transitions
     }
 
     fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
@@ -648,7 +689,9 @@ fn robust_std(residuals: &[f64]) -> f64 {
     const NORMAL: f64 = 1.482_602_218_505_602;
     let mut magnitudes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
     magnitudes.sort_by(f64::total_cmp);
-    magnitudes.get(residuals.len() / 2).map_or(0.0, |m| NORMAL * m)
+    magnitudes
+        .get(residuals.len() / 2)
+        .map_or(0.0, |m| NORMAL * m)
 }
 
 /// Fits the map of a task to strides: those with the training role that reached the next section.

@@ -136,14 +136,10 @@ pub fn stride_model(
         &|d| Ok(map.predict(&state, constants, &moved(d))?.0),
         STEP * unit,
     )?;
-    let noise = map
-        .outputs()
-        .iter()
-        .enumerate()
-        .map(|(i, gp)| {
-            let least = (LEAST_NOISE * spread(i)).powi(2);
-            gp.hyperparameters().noise_variance.max(least)
-        });
+    let noise = map.outputs().iter().enumerate().map(|(i, gp)| {
+        let least = (LEAST_NOISE * spread(i)).powi(2);
+        gp.hyperparameters().noise_variance.max(least)
+    });
     Ok(StrideModel {
         state,
         of_state,

@@ -175,6 +175,8 @@ pub struct RecordConfig {
     /// strides; left out: by strides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk_s: Option<f64>,
+    /// Seconds of motion recorded of the nominal gait and of the final policy, to be looked at.
+    pub pose_seconds: f64,
 }
 
 /// When a run counts as a success, in the summary over seeds.
@@ -430,6 +432,12 @@ impl Task {
             caution.validate(m)?;
         }
         self.validate_learner()?;
+        if !(0.0..=600.0).contains(&self.record.pose_seconds) {
+            return invalid(
+                "record.pose_seconds".into(),
+                "must lie in [0, 600] s".into(),
+            );
+        }
         self.map.validate(n, m)?;
         self.learner.actor_critic.validate()?;
         Ok(())
