@@ -27,6 +27,7 @@ mod error;
 mod feedback;
 mod guard;
 mod guarded;
+mod learners;
 mod measure;
 mod pessimism;
 mod plant;
@@ -55,6 +56,7 @@ pub use error::{Invalid, LabError};
 pub use feedback::{JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use guard::{Guard, GuardConfig, GuardThresholds, Warning};
 pub use guarded::GuardedExplorer;
+pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use measure::{StrideMeasures, StrideMeter};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{
