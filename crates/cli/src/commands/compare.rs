@@ -182,6 +182,10 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
 
 /// Runs the comparison, writes its figures, prints its table.
 pub fn compare(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    let task = builtin::load(name, &common.sets)?.task;
+    if task.caution.is_some() && seeds > 0 {
+        return super::learners::compare(&task, seeds, out, common);
+    }
     let (comparison, arms) = run_arms(name, seeds, common)?;
     let dir = out.map_or_else(
         || PathBuf::from("runs").join(format!("compare-{}-{}", comparison.experiment, common.seed)),
