@@ -223,7 +223,7 @@ pub enum Command {
         /// Run directories.
         #[arg(required = true)]
         runs: Vec<PathBuf>,
-        /// Where the page of several runs goes. Default: report.html in the first one.
+        /// Where the page goes. Default: report.html in the run; comparison.html in the first of several.
         #[arg(long)]
         out: Option<PathBuf>,
     },

@@ -9,6 +9,7 @@
 //! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -17,12 +18,16 @@ use stridemap_returnmap::{LearnedMap, MapSample, MapWorld, StateReward, StrideEn
 
 use crate::error::LabError;
 use crate::plant::{Plant, PlantCounters};
+use crate::poses::{PoseRecorder, Recording};
 use crate::reward::reward_of_state;
 use crate::seed::{Role, stream};
 use crate::strides::{
     ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
 };
 use crate::task::{LearnerKind, Task};
+
+/// Time between recorded poses: smooth to the eye, small on disk.
+const FRAME_PERIOD_S: f64 = 0.02;
 
 /// Wall-clock seconds spent, by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -138,6 +143,13 @@ pub trait Recorder {
     /// As [`Self::stride`].
     fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError>;
 
+    /// A measured policy's motion was recorded, to be looked at.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError>;
+
     /// A phase is complete: what was recorded up to here is final.
     ///
     /// # Errors
@@ -161,6 +173,9 @@ impl Recorder for NoRecorder {
         Ok(())
     }
     fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
+        Ok(())
+    }
+    fn poses(&mut self, _: &str, _: &Recording) -> Result<(), LabError> {
         Ok(())
     }
     fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
@@ -487,13 +502,27 @@ impl<'a> Algorithm<'a> {
             role: StrideRole::Record,
             strides: strides + discard,
         };
-        let (transitions, _) = self.strides_on_robot(
+        let recording = self.task.record.pose_seconds > 0.0 && !what.starts_with("iteration");
+        let recording = recording.then(|| {
+            let begin_s = self.task.gait.ramp_s.roll[1].max(self.task.gait.ramp_s.pitch[1]);
+            let end_s = begin_s + self.task.record.pose_seconds;
+            let (observer, recording) =
+                PoseRecorder::new(self.plant.robot(), FRAME_PERIOD_S, begin_s, end_s);
+            self.plant.observe(Some(Box::new(observer)));
+            recording
+        });
+        let result = self.strides_on_robot(
             Some(policy),
             batch,
             Some(what),
             (Role::Record, stream_index),
             recorder,
-        )?;
+        );
+        self.plant.observe(None);
+        let (transitions, _) = result?;
+        if let Some(recording) = recording.and_then(|r| Arc::into_inner(r)?.into_inner().ok()) {
+            recorder.poses(what, &recording)?;
+        }
         self.progress.record_strides += batch.strides;
         Ok(Performance::of(&transitions, discard))
     }

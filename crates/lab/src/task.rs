@@ -113,6 +113,8 @@ pub struct RecordConfig {
     pub iteration_strides: usize,
     /// First strides that are not averaged.
     pub discard: usize,
+    /// Seconds of motion recorded of the nominal gait and of the final policy, to be looked at.
+    pub pose_seconds: f64,
 }
 
 /// When a run counts as a success, in the summary over seeds.
@@ -341,6 +343,9 @@ impl Task {
         }
         if self.record.strides == 0 || self.record.iteration_strides == 0 {
             return invalid("record.strides".into(), "must be at least 1".into());
+        }
+        if !(0.0..=600.0).contains(&self.record.pose_seconds) {
+            return invalid("record.pose_seconds".into(), "must lie in [0, 600] s".into());
         }
         self.map.validate(n, m)?;
         self.learner.actor_critic.validate()?;

@@ -2,17 +2,42 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::failure::Failure;
+use stridemap_report::run::Run;
+use stridemap_report::{write_figures, write_report};
 
-/// Draws the figures and the page of one run into its directory.
-pub fn draw(_run: &Path) -> Result<(), Failure> {
-    Ok(())
+use crate::failure::Failure;
+use crate::output;
+
+fn read(path: &Path) -> Result<Run, Failure> {
+    if !path.join("config.toml").exists() {
+        return Err(Failure::request(format!(
+            "{}: holds no run (there is no config.toml in it)",
+            path.display()
+        )));
+    }
+    Ok(Run::read(path)?)
+}
+
+/// Draws the figures and the page of one run into its directory; returns the page's path.
+pub fn draw(path: &Path) -> Result<PathBuf, Failure> {
+    let run = read(path)?;
+    write_figures(&run, &path.join("figures"))?;
+    let page = path.join("report.html");
+    write_report(std::slice::from_ref(&run), &page)?;
+    Ok(page)
 }
 
 /// Draws runs: one into its own directory, several side by side.
-pub fn report(runs: &[PathBuf], _out: Option<&Path>) -> Result<(), Failure> {
-    for run in runs {
-        draw(run)?;
-    }
+pub fn report(paths: &[PathBuf], out: Option<&Path>) -> Result<(), Failure> {
+    let page = match (paths, out) {
+        ([path], None) => draw(path)?,
+        _ => {
+            let runs = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+            let page = out.map_or_else(|| paths[0].join("comparison.html"), Path::to_path_buf);
+            write_report(&runs, &page)?;
+            page
+        }
+    };
+    output::line(format!("{}", page.display()));
     Ok(())
 }

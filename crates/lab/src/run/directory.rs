@@ -10,6 +10,7 @@ use stridemap_returnmap::LearnedMap;
 
 use crate::algorithm::{Iteration, Phase, Progress, Recorder, Seconds};
 use crate::error::LabError;
+use crate::poses::Recording;
 use crate::provenance::Provenance;
 use crate::run::files::{Log, create_dir, read_json, read_text, write_json, write_whole};
 use crate::run::grid;
@@ -71,7 +72,6 @@ pub struct RunDirectory {
     record: Log,
     learning: Log,
     events: Log,
-    robot_trial: usize,
     stop: Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
 }
@@ -150,7 +150,6 @@ impl RunDirectory {
             learning: Log::open(&path.join("learning.csv"), LEARNING_HEADER, learning)?,
             events: Log::open(&events_path, r#"{"format":1}"#, event_rows)?,
             table,
-            robot_trial: 0,
             stop,
             watcher,
         })
@@ -277,6 +276,16 @@ impl Recorder for RunDirectory {
         )
     }
 
+    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError> {
+        let path = self.path.join(format!("poses/{what}.json"));
+        let text = serde_json::to_string(recording).map_err(|error| LabError::Content {
+            path: path.clone(),
+            line: None,
+            problem: format!("cannot be written as JSON: {error}"),
+        })?;
+        write_whole(&path, text.as_bytes())
+    }
+
     fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError> {
         let robot = match phase {
             Phase::Evaluate => progress.iterations.last().and_then(|i| i.evaluation),
@@ -284,7 +293,6 @@ impl Recorder for RunDirectory {
             _ => None,
         };
         if let Some(p) = robot {
-            self.robot_trial += 1;
             let iteration = progress.iterations.len();
             let world = if phase == Phase::Evaluate {
                 "robot-evaluation"

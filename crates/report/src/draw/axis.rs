@@ -50,7 +50,7 @@ fn nice_step(span: f64, most: f64) -> f64 {
 impl Axis {
     /// An even axis from `min` to `max` with ticks at round numbers.
     pub(crate) fn linear(label: &str, min: f64, max: f64) -> Axis {
-        Self::linear_with(label, min, max, 6.0)
+        Self::linear_with(label, min, max, 7.0)
     }
 
     /// The same with about `most` intervals at most.
@@ -150,8 +150,8 @@ mod tests {
             ["0", "1", "2", "3", "4", "5", "6"]
         );
         assert_eq!(
-            labels(&Axis::linear("", -0.13, 0.21)),
-            ["\u{2212}0.1", "0.0", "0.1", "0.2"]
+            labels(&Axis::linear("", -0.13, 0.31)),
+            ["\u{2212}0.1", "0.0", "0.1", "0.2", "0.3"]
         );
         assert_eq!(
             labels(&Axis::symlog("", -1.0, 0.0, 0.001)),

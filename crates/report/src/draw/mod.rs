@@ -13,9 +13,9 @@ mod sheet;
 mod style;
 mod text;
 
-pub(crate) use axis::{Axis, Scale};
+pub(crate) use axis::{Axis, Scale, extent};
 pub(crate) use contour::contour_lines;
 pub(crate) use panel::{Anchor, Dash, Key, Mark, Panel};
 pub(crate) use sheet::Sheet;
-pub(crate) use style::{page_variables, ramp_color, sheet_rules};
-pub(crate) use text::{REGULAR, SEMI_BOLD, escape, number, plain, signed};
+pub(crate) use style::{page_variables, ramp_color};
+pub(crate) use text::{REGULAR, SEMI_BOLD, escape, number, plain, plural, signed};

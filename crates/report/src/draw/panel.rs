@@ -14,7 +14,8 @@ const LABEL: f64 = 13.0;
 pub(crate) enum Dash {
     Solid,
     Dashed,
-    DashDot,
+    /// Dash and dot in turn.
+    Chain,
     Dotted,
 }
 
@@ -23,7 +24,7 @@ impl Dash {
         match self {
             Dash::Solid => "",
             Dash::Dashed => " stroke-dasharray=\"7 4\"",
-            Dash::DashDot => " stroke-dasharray=\"9 3.5 1.8 3.5\"",
+            Dash::Chain => " stroke-dasharray=\"9 3.5 1.8 3.5\"",
             Dash::Dotted => " stroke-dasharray=\"1.8 3.6\"",
         }
     }
@@ -242,24 +243,12 @@ impl Panel {
         let (l, r) = (self.px(x.0), self.px(x.1));
         let (b, t) = (self.py(y.0), self.py(y.1));
         self.data.push_str(&format!(
-            "<rect fill=\"{color}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
+            "<rect fill=\"{color}\" shape-rendering=\"crispEdges\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
             coord(l),
             coord(t),
             coord(r - l + 0.4),
             coord(b - t + 0.4)
         ));
-    }
-
-    /// Separate segments as one path.
-    pub(crate) fn segments(
-        &mut self,
-        segments: &[((f64, f64), (f64, f64))],
-        class: &str,
-        dash: Dash,
-        stroke: f64,
-    ) {
-        let d: String = segments.iter().map(|(a, b)| self.path(&[*a, *b])).collect();
-        self.data.push_str(&line_svg(class, dash, &d, stroke));
     }
 
     /// Short strokes along the bottom: where the data are.
@@ -288,12 +277,6 @@ impl Panel {
         self.line(&[(x, self.y.min), (x, self.y.max)], class, dash, 1.2);
     }
 
-    /// A note at a datum, shifted by pixels; not clipped.
-    pub(crate) fn note(&mut self, at: (f64, f64), shift: (f64, f64), anchor: Anchor, text: &str) {
-        let (x, y) = (self.px(at.0) + shift.0, self.py(at.1) + shift.1);
-        self.note_px(x, y, anchor, "mut", text);
-    }
-
     /// A note at a pixel position.
     pub(crate) fn note_px(&mut self, x: f64, y: f64, anchor: Anchor, class: &str, text: &str) {
         self.over.push_str(&format!(
@@ -303,11 +286,6 @@ impl Panel {
             anchor.name(),
             spans(text, TICK)
         ));
-    }
-
-    /// Raw SVG above everything, in pixels.
-    pub(crate) fn raw(&mut self, svg: &str) {
-        self.over.push_str(svg);
     }
 
     /// A value that the page shows when the pointer comes near.

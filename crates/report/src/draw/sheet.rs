@@ -134,11 +134,11 @@ impl Sheet {
             caption_svg.push_str(&format!(
                 "<text class=\"mut\" x=\"{}\" y=\"{}\" font-size=\"{CAPTION}\">{}</text>",
                 coord(MARGIN),
-                coord(height + 8.0 + 17.0 * i as f64),
+                coord(height + 12.0 + 17.0 * i as f64),
                 escape(line)
             ));
         }
-        let full = height + 17.0 * lines.len() as f64 + 8.0;
+        let full = height + 17.0 * lines.len() as f64 + 12.0;
         let open = |h: f64, extra: &str| {
             format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"sm\" viewBox=\"0 0 {} {}\"{extra} \

@@ -72,6 +72,15 @@ pub(crate) fn signed(v: f64, decimals: usize) -> String {
     }
 }
 
+/// A count with its noun: `1 fall`, `2 falls`.
+pub(crate) fn plural(n: usize, noun: &str) -> String {
+    if n == 1 {
+        format!("1 {noun}")
+    } else {
+        format!("{n} {noun}s")
+    }
+}
+
 /// A run of text at one height.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Level {

@@ -32,3 +32,17 @@ pub(crate) fn some(figure: &str, what: &str, n: usize) -> Result<()> {
     }
     Ok(())
 }
+
+/// Refuses a set of columns that has not one column per name.
+pub(crate) fn named(figure: &str, what: &str, columns: usize, names: usize) -> Result<()> {
+    some(figure, what, names)?;
+    if columns != names {
+        return Err(ReportError::Shape {
+            figure: figure.to_owned(),
+            column: format!("columns of {what}"),
+            found: columns,
+            expected: names,
+        });
+    }
+    Ok(())
+}

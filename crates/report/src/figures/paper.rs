@@ -72,7 +72,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
     for k in [-2.0, -1.0, 1.0, 2.0] {
         p.line(&pairs(&at(k)), "s0", Dash::Dashed, 1.0);
     }
-    p.line(&pairs(&data.target), "s1", Dash::DashDot, 2.0);
+    p.line(&pairs(&data.target), "s1", Dash::Chain, 2.0);
     p.line(&pairs(&data.mean), "s0", Dash::Solid, 2.4);
     let samples: Vec<(f64, f64)> = data
         .sample_x
@@ -101,7 +101,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
             format!("sample: z = {} rad, {}", signed(*x, 2), signed(*y, 3)),
         );
     }
-    p.key("target", Key::Line("s1", Dash::DashDot));
+    p.key("target", Key::Line("s1", Dash::Chain));
     p.key("samples", Key::Mark("s6", Mark::Circle));
     p.key("predictive mean", Key::Line("s0", Dash::Solid));
     p.key("mean ± 1 and ± 2 sd", Key::Band("s0", 0.22));
@@ -260,7 +260,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
             significant.push(t.trial.to_string());
             let row = p.top + 11.0;
             let column = p.px(*x);
-            p.note_px(column, row, Anchor::Middle, "", "∗");
+            p.note_px(column, row + 4.0, Anchor::Middle, "pnl", "*");
             p.hover(
                 *x,
                 p.y.max,
@@ -275,12 +275,12 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
     let tested = if significant.is_empty() {
         "no trial has p < .05".to_owned()
     } else {
-        format!("∗: p < .05, at trial {}", significant.join(", "))
+        format!("* marks p < .05, at trial {}", significant.join(", "))
     };
     let end = data.trials[data.trials.len() - 1];
     let caption = format!(
         "Fig. 8 of the paper. Reward on the plant of the frozen stochastic policy, averaged over {} strides; mean and \
-         standard deviation (bars) over n = {} seeds. Vertical axis even within ±{}, logarithmic beyond. \
+         standard deviation (bars) over n = {} seeds. Vertical axis linear within ±{}, logarithmic beyond. \
          Student's t per trial, two-sided: {tested}. After trial {}: GP map {} ± {}, full model {} ± {}. \
          The paper (5 runs): the GP map varies more early, is comparable after 10 trials and slightly better after \
          the 8th (p < .05).",
@@ -420,10 +420,10 @@ pub fn fig9(data: &Fig9) -> Result<Figure> {
         data.full.visited.len()
     );
     let mut csv = String::from("psi_roll_deg,gp_mean,gp_sd,full_mean,full_sd\n");
-    for i in 0..x.len() {
+    for (i, psi) in x.iter().enumerate() {
         csv.push_str(&format!(
-            "{},{},{},{},{}\n",
-            x[i], data.gp.mean[i], data.gp.sd[i], data.full.mean[i], data.full.sd[i]
+            "{psi},{},{},{},{}\n",
+            data.gp.mean[i], data.gp.sd[i], data.full.mean[i], data.full.sd[i]
         ));
     }
     let alt = format!(

@@ -237,3 +237,100 @@ fn csv(data: &Fig10) -> String {
     }
     csv
 }
+
+/// Consecutive states of strides that were not pushed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct UndisturbedReturnMaps {
+    /// Name of the state component, with its unit: `psi_roll_deg`.
+    pub name: String,
+    /// What was run, and its unbroken stretches of states at successive sections.
+    pub runs: Vec<(String, Vec<Vec<f64>>)>,
+    /// The desired state, if the task has one.
+    pub target: Option<f64>,
+}
+
+/// Draws the return maps k to k + 1 and k to k + 2 without pushes: the pairs and the identity.
+///
+/// # Errors
+///
+/// [`ReportError::Empty`](crate::ReportError::Empty) if no stretch has two states.
+pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
+    let stem = "return-map";
+    const CLASSES: [(&str, Mark); 3] = [
+        ("s1", Mark::Diamond),
+        ("s2", Mark::Disc),
+        ("s0", Mark::Disc),
+    ];
+    let pairs = |stretches: &[Vec<f64>], lag: usize| -> Vec<(f64, f64)> {
+        stretches
+            .iter()
+            .flat_map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| (*a, *b)))
+            .filter(|(a, b)| a.is_finite() && b.is_finite())
+            .collect()
+    };
+    some(
+        stem,
+        "no two strides in a row",
+        data.runs.iter().map(|r| pairs(&r.1, 1).len()).sum(),
+    )?;
+    let values = || {
+        data.runs
+            .iter()
+            .flat_map(|r| r.1.iter().flatten().copied())
+            .chain(data.target)
+    };
+    let axis =
+        |argument: &str| Axis::covering(&super::names::label(&data.name, argument), values());
+    let mut sheet = Sheet::new(stem, "Return maps without pushes");
+    let panels = sheet.row(
+        285.0,
+        vec![
+            (1.0, axis("(k)"), axis("(k + 1)"), None),
+            (1.0, axis("(k)"), axis("(k + 2)"), None),
+        ],
+    );
+    let mut csv = format!("run,lag,{0},next_{0}\n", data.name);
+    let mut counts = Vec::new();
+    for (lag, mut p) in panels.into_iter().enumerate().map(|(i, p)| (i + 1, p)) {
+        p.line(
+            &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
+            "ref",
+            Dash::Solid,
+            1.1,
+        );
+        if let Some(target) = data.target {
+            p.upward(target, "ref", Dash::Dotted);
+            p.across(target, "ref", Dash::Dotted);
+            p.key("desired state", Key::Line("ref", Dash::Dotted));
+        }
+        for ((name, stretches), (class, mark)) in data.runs.iter().zip(CLASSES) {
+            let points = pairs(stretches, lag);
+            p.marks(&points, class, mark, 3.2);
+            for (a, b) in &points {
+                p.hover(
+                    *a,
+                    *b,
+                    format!("{name}: {} to {} after {lag}", signed(*a, 2), signed(*b, 2)),
+                );
+                csv.push_str(&format!("{},{lag},{a},{b}\n", name.replace(',', " ")));
+            }
+            p.key(name, Key::Mark(class, mark));
+            if lag == 1 {
+                counts.push(format!("{name}: n = {}", points.len()));
+            }
+        }
+        p.key("identity", Key::Line("ref", Dash::Solid));
+        sheet.add(p);
+    }
+    let caption = format!(
+        "State at a section against the state one (left) and two (right) strides later, without pushes, deterministic policy, \
+         strides run only to report; each point is one pair, without averaging ({}). Points gather where the gait repeats \
+         itself.",
+        counts.join(", ")
+    );
+    let alt = format!(
+        "Return maps one and two strides on, without pushes; {}.",
+        counts.join(", ")
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}

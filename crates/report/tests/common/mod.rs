@@ -1,7 +1,8 @@
 //! Synthetic data for the figures: made up, smooth, the same on every machine.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::unwrap_used)] // not every test uses all; helpers stand outside of #[test]
 
 pub mod figures;
+pub mod run;
 
 /// A small deterministic generator (Numerical Recipes' LCG), for fixtures only.
 pub struct Lcg(pub u64);

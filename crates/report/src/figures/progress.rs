@@ -1,0 +1,502 @@
+//! What happened during a run: rewards per trial and stride, states per stride, runs beside each other.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::some;
+use super::names::{label, reward_axis, scale_note};
+use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, extent, number, plain, plural, signed};
+use crate::error::Result;
+use crate::figure::Figure;
+use crate::run::{LearningRow, StrideEnd, StrideRow};
+
+/// Rewards of a run, in the map and on the robot.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LearningCurves {
+    /// Trials, in order; those with world `map` are drawn as curves.
+    pub trials: Vec<LearningRow>,
+    /// Training and evaluation strides on the robot, in order.
+    pub strides: Vec<StrideRow>,
+    /// Mean reward of the nominal gait on the robot.
+    pub nominal: Option<f64>,
+    /// Mean reward of the final policy on the robot.
+    pub final_policy: Option<f64>,
+    /// Best mean reward of an iteration's policy on the robot.
+    pub best: Option<f64>,
+}
+
+/// Separators and numbers of iterations along a sequence of `(iteration, position)`.
+fn iterations(p: &mut Panel, of: &[u32]) {
+    let mut start = 0;
+    for i in 1..=of.len() {
+        if i == of.len() || of[i] != of[start] {
+            if start > 0 {
+                p.upward(start as f64 + 0.5, "ref", Dash::Dotted);
+            }
+            let x = p.px(start as f64 + 0.5) + 5.0;
+            let room = p.px(i as f64 + 0.5) - x;
+            let text = if room > 66.0 {
+                format!("iteration {}", of[start])
+            } else {
+                of[start].to_string()
+            };
+            if room > 10.0 {
+                p.note_px(x, p.top + 12.0, crate::draw::Anchor::Start, "mut", &text);
+            }
+            start = i;
+        }
+    }
+}
+
+fn levels(p: &mut Panel, data: &LearningCurves) {
+    for (value, name, class, dash) in [
+        (data.nominal, "nominal", "s1", Dash::Dashed),
+        (data.best, "best iteration", "s3", Dash::Dotted),
+        (data.final_policy, "final", "s2", Dash::Solid),
+    ] {
+        if let Some(value) = value {
+            p.across(value, class, dash);
+            p.key(
+                &format!("{name} ({})", number(value, 2)),
+                Key::Line(class, dash),
+            );
+        }
+    }
+}
+
+/// Draws the learning curve of one run: imagined trials above, every stride on the robot below.
+///
+/// # Errors
+///
+/// [`ReportError::Empty`](crate::ReportError::Empty) if there is neither a trial nor a stride.
+pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
+    let stem = "learning";
+    let trials: Vec<&LearningRow> = data.trials.iter().filter(|t| t.world == "map").collect();
+    some(
+        stem,
+        "no trial and no stride",
+        trials.len() + data.strides.len(),
+    )?;
+    let mut sheet = Sheet::new(stem, "Reward in the map and on the robot");
+    let mut notes = String::new();
+    if !trials.is_empty() {
+        let rewards: Vec<f64> = trials.iter().map(|t| t.average_reward).collect();
+        let y = reward_axis("average reward", &rewards);
+        notes.push_str(&scale_note(&y));
+        let x = Axis::counting("trial in the learned map", 0.5, trials.len() as f64 + 0.5);
+        let mut panels = sheet.row(170.0, vec![(1.0, x, y, Some("In the learned map"))]);
+        if let Some(mut p) = panels.pop() {
+            let points: Vec<(f64, f64)> = rewards
+                .iter()
+                .enumerate()
+                .map(|(i, r)| (i as f64 + 1.0, *r))
+                .collect();
+            iterations(
+                &mut p,
+                &trials.iter().map(|t| t.iteration).collect::<Vec<_>>(),
+            );
+            // A new iteration is a new learner: the line breaks there.
+            for of in trials
+                .chunk_by(|a, b| a.iteration == b.iteration)
+                .scan(0, |from, chunk| {
+                    *from += chunk.len();
+                    Some(*from - chunk.len()..*from)
+                })
+            {
+                p.line(&points[of], "s0", Dash::Solid, 1.3);
+            }
+            for (t, (x, y)) in trials
+                .iter()
+                .zip(&points)
+                .step_by((trials.len() / 300).max(1))
+            {
+                p.hover(
+                    *x,
+                    *y,
+                    format!(
+                        "iteration {}, trial {}: average reward {} over {}, {}",
+                        t.iteration,
+                        t.trial,
+                        number(*y, 3),
+                        plural(t.strides as usize, "stride"),
+                        plural(t.falls as usize, "fall")
+                    ),
+                );
+            }
+            p.key(
+                "average reward of a trial in the map",
+                Key::Line("s0", Dash::Solid),
+            );
+            sheet.add(p);
+        }
+    }
+    let falls = data
+        .strides
+        .iter()
+        .filter(|s| s.end != StrideEnd::Crossing)
+        .count();
+    if !data.strides.is_empty() {
+        let mut rewards: Vec<f64> = data.strides.iter().map(|s| s.reward).collect();
+        rewards.extend(data.nominal.iter().chain(&data.final_policy));
+        let y = reward_axis("reward", &rewards);
+        let x = Axis::counting("stride on the robot", 0.5, data.strides.len() as f64 + 0.5);
+        let mut panels = sheet.row(190.0, vec![(1.0, x, y, Some("On the robot"))]);
+        if let Some(mut p) = panels.pop() {
+            iterations(
+                &mut p,
+                &data.strides.iter().map(|s| s.iteration).collect::<Vec<_>>(),
+            );
+            levels(&mut p, data);
+            strides(&mut p, &data.strides, |s| s.reward, "reward");
+            sheet.add(p);
+        }
+    }
+    let each = |v: Option<f64>| v.map_or_else(|| "not measured".to_owned(), |v| number(v, 3));
+    let caption = format!(
+        "Above: average reward per stride of each trial imagined in the learned map (n = {}). Below: reward of \
+         each stride on the robot, training and evaluation, in order, without averaging (n = {}, {falls} ended \
+         without a section). Lines: mean reward on the robot of the nominal gait ({}), the best iteration ({}) and the \
+         final policy ({}). Rewards have no unit; dotted uprights part the iterations.{notes}",
+        plural(trials.len(), "trial"),
+        plural(data.strides.len(), "stride"),
+        each(data.nominal),
+        each(data.best),
+        each(data.final_policy)
+    );
+    let mut csv = String::from("world,iteration,index,reward,falls,strides,end\n");
+    for t in &trials {
+        csv.push_str(&format!(
+            "map,{},{},{},{},{},\n",
+            t.iteration, t.trial, t.average_reward, t.falls, t.strides
+        ));
+    }
+    for (i, s) in data.strides.iter().enumerate() {
+        csv.push_str(&format!(
+            "robot,{},{},{},{},1,{}\n",
+            s.iteration,
+            i + 1,
+            s.reward,
+            u8::from(s.end == StrideEnd::Fell),
+            end_name(s.end)
+        ));
+    }
+    let alt = format!(
+        "Reward over {} trials in the learned map and over {} strides on the robot; nominal {}, final {}.",
+        trials.len(),
+        data.strides.len(),
+        each(data.nominal),
+        each(data.final_policy)
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}
+
+pub(crate) fn end_name(end: StrideEnd) -> &'static str {
+    match end {
+        StrideEnd::Crossing => "crossing",
+        StrideEnd::Fell => "fell",
+        StrideEnd::NoCrossing => "no_crossing",
+        StrideEnd::Aborted => "aborted",
+    }
+}
+
+/// Which strides, colour, mark and name.
+type MarkedSet<'a> = (
+    &'a dyn Fn(&StrideRow) -> bool,
+    &'static str,
+    Mark,
+    &'static str,
+);
+
+/// Strides on the robot as marks: training, evaluation, and those that ended badly.
+fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64, what: &str) {
+    let pick = |keep: &dyn Fn(&StrideRow) -> bool| -> Vec<(f64, f64)> {
+        rows.iter()
+            .enumerate()
+            .filter(|(_, s)| keep(s))
+            .map(|(i, s)| (i as f64 + 1.0, value(s)))
+            .collect()
+    };
+    let ok = |s: &StrideRow| s.end == StrideEnd::Crossing;
+    let sets: [MarkedSet<'_>; 4] = [
+        (
+            &|s| ok(s) && s.role == "training",
+            "s0",
+            Mark::Disc,
+            "training stride",
+        ),
+        (
+            &|s| ok(s) && s.role != "training",
+            "s4",
+            Mark::Diamond,
+            "evaluation stride",
+        ),
+        (&|s| s.end == StrideEnd::Fell, "s1", Mark::Cross, "fall"),
+        (
+            &|s| matches!(s.end, StrideEnd::NoCrossing | StrideEnd::Aborted),
+            "s6",
+            Mark::Cross,
+            "stall or abort",
+        ),
+    ];
+    for (keep, class, mark, name) in sets {
+        let points = pick(keep);
+        if !points.is_empty() {
+            p.marks(&points, class, mark, 3.4);
+            p.key(name, Key::Mark(class, mark));
+        }
+    }
+    for (i, s) in rows.iter().enumerate() {
+        p.hover(
+            i as f64 + 1.0,
+            value(s),
+            format!(
+                "stride {}, iteration {} ({}): {what} {}, {}",
+                i + 1,
+                s.iteration,
+                s.role,
+                number(value(s), 3),
+                end_name(s.end)
+            ),
+        );
+    }
+}
+
+/// One component of the state at the section, stride by stride.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StateOverStrides {
+    /// Name of the component, with its unit: `psi_roll_deg`.
+    pub name: String,
+    /// Its index in the state.
+    pub component: usize,
+    /// The desired value, if the task has one for this component.
+    pub target: Option<f64>,
+    /// Training and evaluation strides, in order.
+    pub strides: Vec<StrideRow>,
+    /// Strides of the nominal gait, run only to report.
+    pub nominal: Vec<StrideRow>,
+    /// Strides of the final policy, run only to report.
+    pub final_policy: Vec<StrideRow>,
+}
+
+/// Draws the state over all strides on the robot, and nominal against final, as in Fig. 14.
+///
+/// # Errors
+///
+/// [`ReportError::Empty`](crate::ReportError::Empty) if there is no stride.
+pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
+    let stem = "state";
+    let total = data.strides.len() + data.nominal.len() + data.final_policy.len();
+    some(stem, "no stride", total)?;
+    let value = |s: &StrideRow| {
+        s.next_state
+            .get(data.component)
+            .copied()
+            .unwrap_or(f64::NAN)
+    };
+    let shown = |s: &&StrideRow| s.end != StrideEnd::Aborted;
+    let all: Vec<f64> = [&data.strides, &data.nominal, &data.final_policy]
+        .iter()
+        .flat_map(|rows| rows.iter().filter(shown).map(value))
+        .chain(data.target)
+        .collect();
+    let name = label(&data.name, "");
+    let (quantity, _) = super::names::quantity(&data.name);
+    let mut sheet = Sheet::new(
+        stem,
+        &format!("{quantity} at the section, stride by stride"),
+    );
+    let target = |p: &mut Panel| {
+        if let Some(target) = data.target {
+            p.across(target, "s6", Dash::Chain);
+            p.key(
+                &format!("desired, {}", signed(target, 1)),
+                Key::Line("s6", Dash::Chain),
+            );
+        }
+    };
+    if !data.strides.is_empty() {
+        let x = Axis::counting(
+            "stride on the robot while learning",
+            0.5,
+            data.strides.len() as f64 + 0.5,
+        );
+        // Head room for the names of the iterations.
+        let (lo, hi) = extent(all.iter().copied());
+        let y = Axis::covering(&name, all.iter().copied().chain([hi + 0.14 * (hi - lo)]));
+        let mut row = sheet.row(175.0, vec![(1.0, x, y, Some("While learning"))]);
+        if let Some(mut p) = row.pop() {
+            iterations(
+                &mut p,
+                &data.strides.iter().map(|s| s.iteration).collect::<Vec<_>>(),
+            );
+            target(&mut p);
+            strides(&mut p, &data.strides, value, &plain(&quantity));
+            sheet.add(p);
+        }
+    }
+    let longest = data.nominal.len().max(data.final_policy.len());
+    if longest > 0 {
+        let x = Axis::counting("stride from a fresh start", 0.5, longest as f64 + 0.5);
+        let y = Axis::covering(&name, all.iter().copied());
+        let mut row = sheet.row(175.0, vec![(1.0, x, y, Some("Before and after"))]);
+        if let Some(mut p) = row.pop() {
+            target(&mut p);
+            for (rows, class, dash, what) in [
+                (&data.nominal, "s1", Dash::Dashed, "nominal gait"),
+                (&data.final_policy, "s2", Dash::Solid, "final policy"),
+            ] {
+                if rows.is_empty() {
+                    continue;
+                }
+                let points: Vec<(f64, f64)> = rows
+                    .iter()
+                    .enumerate()
+                    .map(|(i, s)| (i as f64 + 1.0, value(s)))
+                    .collect();
+                p.line(&points, class, dash, 1.8);
+                let falls: Vec<(f64, f64)> = rows
+                    .iter()
+                    .zip(&points)
+                    .filter(|(s, _)| s.end == StrideEnd::Fell)
+                    .map(|(_, q)| *q)
+                    .collect();
+                p.marks(&falls, class, Mark::Cross, 4.0);
+                for (x, y) in &points {
+                    p.hover(
+                        *x,
+                        *y,
+                        format!("{what}, stride {x}: {} {}", plain(&quantity), signed(*y, 2)),
+                    );
+                }
+                p.key(what, Key::Line(class, dash));
+            }
+            sheet.add(p);
+        }
+    }
+    let count = |rows: &[StrideRow]| {
+        let falls = rows.iter().filter(|s| s.end == StrideEnd::Fell).count();
+        format!("n = {}, {}", rows.len(), plural(falls, "fall"))
+    };
+    let caption = format!(
+        "{} at the end of each stride, without averaging. Above: strides on the robot while learning ({}). Below: strides run \
+         only to report, nominal gait ({}) and final policy ({}). Dash-dotted: the desired value{}. Crosses: falls. The \
+         paper's Fig. 14 (real robot): mean of strides 10 to 40 is 0.12 deg for a target of 0.0 deg.",
+        plain(&name),
+        count(&data.strides),
+        count(&data.nominal),
+        count(&data.final_policy),
+        data.target.map_or_else(
+            || " (none in this task)".to_owned(),
+            |t| format!(", {}", signed(t, 1))
+        )
+    );
+    let mut csv = format!("what,stride,{},end\n", data.name);
+    for (what, rows) in [
+        ("learning", &data.strides),
+        ("nominal", &data.nominal),
+        ("final", &data.final_policy),
+    ] {
+        for (i, s) in rows.iter().enumerate() {
+            csv.push_str(&format!(
+                "{what},{},{},{}\n",
+                i + 1,
+                value(s),
+                end_name(s.end)
+            ));
+        }
+    }
+    let alt = format!(
+        "{} over {total} strides: while learning, and nominal gait against final policy.",
+        plain(&name)
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}
+
+/// One run among several.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunCurve {
+    /// Name of the run.
+    pub name: String,
+    /// Mean reward of the nominal gait.
+    pub nominal: Option<f64>,
+    /// Training and evaluation strides so far, and the mean reward of the policy then.
+    pub iterations: Vec<(f64, f64)>,
+    /// Falls on the robot while learning.
+    pub falls: u64,
+}
+
+/// Draws the reward on the robot against the strides spent, one line per run.
+///
+/// # Errors
+///
+/// [`ReportError::Empty`](crate::ReportError::Empty) if no run has an iteration.
+pub fn runs_compared(runs: &[RunCurve]) -> Result<Figure> {
+    let stem = "runs";
+    some(
+        stem,
+        "no iteration",
+        runs.iter().map(|r| r.iterations.len()).sum(),
+    )?;
+    const CLASSES: [&str; 7] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6"];
+    const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::Chain, Dash::Dotted];
+    let curve = |r: &RunCurve| -> Vec<(f64, f64)> {
+        r.nominal
+            .map(|n| (0.0, n))
+            .into_iter()
+            .chain(r.iterations.iter().copied())
+            .collect()
+    };
+    let values: Vec<f64> = runs
+        .iter()
+        .flat_map(|r| curve(r).into_iter().map(|p| p.1))
+        .collect();
+    let last = runs
+        .iter()
+        .flat_map(|r| r.iterations.iter().map(|p| p.0))
+        .fold(1.0, f64::max);
+    let y = reward_axis("mean reward on the robot", &values);
+    let note = scale_note(&y);
+    let mut sheet = Sheet::new(stem, "Runs beside each other");
+    let mut p = sheet.single(
+        260.0,
+        Axis::counting("strides on the robot so far", -0.02 * last, last * 1.02),
+        y,
+    );
+    for (i, r) in runs.iter().enumerate() {
+        let (class, dash) = (
+            CLASSES[i % CLASSES.len()],
+            DASHES[(i / CLASSES.len()) % DASHES.len()],
+        );
+        let points = curve(r);
+        p.line(&points, class, dash, 2.0);
+        p.marks(&points, class, Mark::Disc, 3.6);
+        for (x, y) in &points {
+            p.hover(
+                *x,
+                *y,
+                format!(
+                    "{}: mean reward {} after {x} strides",
+                    r.name,
+                    number(*y, 3)
+                ),
+            );
+        }
+        if runs.len() <= 12 {
+            p.key(&r.name, Key::Both(class, dash, Mark::Disc));
+        }
+    }
+    sheet.add(p);
+    let caption = format!(
+        "Mean reward on the robot of each iteration's policy against the training and evaluation strides spent so far; at 0 the \
+         nominal gait. One line per run (n = {}), {} while learning in all.{note}",
+        plural(runs.len(), "run"),
+        plural(runs.iter().map(|r| r.falls).sum::<u64>() as usize, "fall")
+    );
+    let mut csv = String::from("run,strides_so_far,mean_reward\n");
+    for r in runs {
+        for (x, y) in curve(r) {
+            csv.push_str(&format!("{},{x},{y}\n", r.name.replace(',', " ")));
+        }
+    }
+    let alt = format!("Mean reward against strides for {} runs.", runs.len());
+    Ok(sheet.finish(&caption, &alt, csv))
+}

@@ -1,0 +1,419 @@
+//! The words and tables of a page: what happened, in numbers and plain sentences.
+
+use crate::draw::{escape, number, plain, plural, signed};
+use crate::figures::{label, quantity};
+use crate::run::{MapOutput, Measured, Run, StrideEnd};
+
+/// Title of the page of one run.
+pub(super) fn title(run: &Run) -> String {
+    match (&run.summary, &run.provenance) {
+        (Some(s), _) if !s.experiment.is_empty() => format!("{}, seed {}", s.experiment, s.seed),
+        (_, Some(p)) => format!("{}, seed {}", run.name, p.seed),
+        _ => run.name.clone(),
+    }
+}
+
+/// Text with the subscripts of `ψ_roll` and `A_step` as HTML.
+pub(super) fn subscripts(text: &str) -> String {
+    let mut out = escape(text);
+    for (name, sub) in [
+        ("ψ", "roll"),
+        ("ψ", "pitch"),
+        ("A", "step"),
+        ("A", "walk"),
+        ("A", "a,step"),
+    ] {
+        out = out.replace(&format!("{name}_{sub}"), &format!("{name}<sub>{sub}</sub>"));
+    }
+    out
+}
+
+/// What a recording shows, in words.
+pub(super) fn recording_name(what: &str) -> String {
+    match what {
+        "nominal" => "before: nominal gait".to_owned(),
+        "final" => "after: final policy".to_owned(),
+        other => other.replace('-', " "),
+    }
+}
+
+/// What a reader must know before the numbers: falls, an early end, too few data, files that are missing.
+pub(super) fn remarks(run: &Run) -> String {
+    let mut says: Vec<(bool, String)> = Vec::new();
+    if !run.finished() {
+        let last = run.transitions.last().map_or(0, |t| t.iteration);
+        says.push((
+            true,
+            format!(
+                "This run did not reach its end: it was killed, or it is still going. It left {} on the robot, the last of them in \
+                 iteration {last}. Everything below is what it had written by then.",
+                plural(run.transitions.len(), "stride")
+            ),
+        ));
+    }
+    let at = |end: StrideEnd| -> Vec<String> {
+        run.transitions
+            .iter()
+            .enumerate()
+            .filter(|(_, t)| t.end == end)
+            .map(|(i, t)| format!("stride {} (iteration {})", i + 1, t.iteration))
+            .collect()
+    };
+    for (end, what) in [
+        (StrideEnd::Fell, "fell"),
+        (StrideEnd::NoCrossing, "stalled"),
+        (StrideEnd::Aborted, "was stopped by its equipment"),
+    ] {
+        let strides = at(end);
+        if !strides.is_empty() {
+            let shown = strides
+                .iter()
+                .take(8)
+                .cloned()
+                .collect::<Vec<_>>()
+                .join(", ");
+            let more = if strides.len() > 8 { ", and more" } else { "" };
+            says.push((
+                true,
+                format!(
+                    "The robot {what} {} while learning: {shown}{more}.",
+                    times(strides.len())
+                ),
+            ));
+        }
+    }
+    if run.finished() && run.falls() == (0, 0) {
+        says.push((false, "The robot did not fall while learning.".to_owned()));
+    }
+    for (name, measured) in [
+        ("nominal gait", run.summary.as_ref().and_then(|s| s.nominal)),
+        (
+            "final policy",
+            run.summary.as_ref().and_then(|s| s.final_policy),
+        ),
+    ] {
+        if let Some(m) = measured.filter(|m| m.falls + m.stalls > 0) {
+            says.push((
+                true,
+                format!(
+                    "Measured apart from learning, the {name} had {} and {} in {}.",
+                    plural(m.falls as usize, "fall"),
+                    plural(m.stalls as usize, "stall"),
+                    plural(m.strides as usize, "stride")
+                ),
+            ));
+        }
+    }
+    if run.transitions.len() == 1 {
+        says.push((
+            true,
+            "This run has one stride. A spread, a map or a trend cannot be had from it.".to_owned(),
+        ));
+    } else if run.transitions.is_empty() {
+        says.push((true, "This run has no stride yet.".to_owned()));
+    }
+    for problem in &run.problems {
+        says.push((true, format!("Could not be read: {problem}.")));
+    }
+    if !run.missing.is_empty() {
+        says.push((
+            true,
+            format!("Not in the run directory: {}.", run.missing.join(", ")),
+        ));
+    }
+    if says.is_empty() {
+        return String::new();
+    }
+    let items: String = says
+        .iter()
+        .map(|(bad, text)| {
+            format!(
+                "<li{}>{}</li>",
+                if *bad { " class=\"bad\"" } else { "" },
+                escape(text)
+            )
+        })
+        .collect();
+    format!("<ul class=\"says\">{items}</ul>")
+}
+
+fn times(n: usize) -> String {
+    match n {
+        1 => "once".to_owned(),
+        2 => "twice".to_owned(),
+        n => format!("{n} times"),
+    }
+}
+
+fn reward(m: Option<Measured>) -> String {
+    m.and_then(|m| m.mean_reward)
+        .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3))
+}
+
+fn psi(m: Option<Measured>) -> String {
+    m.and_then(|m| m.mean_psi_roll_deg)
+        .map_or_else(|| "\u{2013}".to_owned(), |v| signed(v, 2))
+}
+
+/// The numbers of one run that one looks for first.
+pub(super) fn tiles(run: &Run) -> String {
+    let Some(s) = &run.summary else {
+        return String::new();
+    };
+    let mut tiles = vec![
+        (
+            format!("{} \u{2192} {}", reward(s.nominal), reward(s.final_policy)),
+            "mean reward on the robot, nominal to final".to_owned(),
+        ),
+        (
+            format!(
+                "{}\u{b0} \u{2192} {}\u{b0}",
+                psi(s.nominal),
+                psi(s.final_policy)
+            ),
+            run.target_deg().map_or_else(
+                || "mean ψ_roll, nominal to final".to_owned(),
+                |t| {
+                    format!(
+                        "mean ψ_roll, nominal to final; desired {}\u{b0}",
+                        signed(t, 1)
+                    )
+                },
+            ),
+        ),
+        (
+            (s.strides.training + s.strides.evaluation).to_string(),
+            format!(
+                "strides on the robot: {} training, {} evaluation",
+                s.strides.training, s.strides.evaluation
+            ),
+        ),
+        (
+            run.falls().0.to_string(),
+            "falls on the robot while learning".to_owned(),
+        ),
+    ];
+    if let Some(speed) = s.final_policy.and_then(|m| m.speed_m_s) {
+        let before = s
+            .nominal
+            .and_then(|m| m.speed_m_s)
+            .map_or_else(String::new, |v| format!("{} \u{2192} ", number(v, 3)));
+        tiles.push((
+            format!("{before}{} m/s", number(speed, 3)),
+            "speed, nominal to final".to_owned(),
+        ));
+    }
+    if let Some((_, push)) = &run.push
+        && let (Some(slope), Some(fixed)) = (push.slope, push.fixed_point_deg)
+    {
+        tiles.push((
+            format!("{} at {}\u{b0}", signed(slope, 2), signed(fixed, 2)),
+            "slope of the return map under pushes, and its fixed point".to_owned(),
+        ));
+    }
+    if let Some(seconds) = &s.seconds {
+        tiles.push((
+            format!("{} s", number(seconds.total, 3)),
+            "computing, simulation included".to_owned(),
+        ));
+    }
+    let cells: String = tiles
+        .iter()
+        .map(|(value, what)| {
+            format!(
+                "<div class=\"tile\"><b>{}</b><span>{}</span></div>",
+                escape(value),
+                subscripts(what)
+            )
+        })
+        .collect();
+    format!("<div class=\"tiles\">{cells}</div>")
+}
+
+/// The runs of a page as a table.
+pub(super) fn overview(runs: &[Run]) -> String {
+    let mut rows = String::new();
+    for run in runs {
+        let s = run.summary.clone().unwrap_or_default();
+        let (falls, stalls) = run.falls();
+        rows.push_str(&format!(
+            "<tr><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td>\
+             <td class=\"num\">{}</td><td class=\"num\">{}</td><td>{}</td></tr>",
+            escape(&run.name),
+            run.transitions.len(),
+            reward(s.nominal),
+            reward(s.final_policy),
+            psi(s.nominal),
+            psi(s.final_policy),
+            falls + stalls,
+            if run.finished() { "finished" } else { "did not reach its end" }
+        ));
+    }
+    format!(
+        "<div class=\"wide\"><table><thead><tr><th>run</th><th class=\"num\">strides</th><th class=\"num\">nominal reward</th>\
+         <th class=\"num\">final reward</th><th class=\"num\">nominal ψ<sub>roll</sub> (deg)</th>\
+         <th class=\"num\">final ψ<sub>roll</sub> (deg)</th><th class=\"num\">falls, stalls</th><th></th></tr></thead>\
+         <tbody>{rows}</tbody></table></div>"
+    )
+}
+
+fn within(output: &MapOutput, k: f64) -> Option<String> {
+    let l = output
+        .leave_one_out
+        .as_ref()
+        .filter(|l| !l.actual.is_empty())?;
+    let inside = l
+        .actual
+        .iter()
+        .zip(&l.mean)
+        .zip(&l.std)
+        .filter(|((a, m), s)| (*a - *m).abs() <= k * *s)
+        .count();
+    Some(format!("{inside} of {}", l.actual.len()))
+}
+
+/// The learned map's own account of itself, with its warnings.
+pub(super) fn model_card(run: &Run) -> String {
+    let Some(map) = run.maps.last() else {
+        return String::new();
+    };
+    let inputs: Vec<&String> = run
+        .columns
+        .state
+        .iter()
+        .chain(&run.columns.action)
+        .collect();
+    let optional = |v: Option<f64>, f: &dyn Fn(f64) -> f64| {
+        v.map_or_else(|| "\u{2013}".to_owned(), |v| number(f(v), 3))
+    };
+    let mut rows = String::new();
+    let mut warnings = String::new();
+    for o in &map.outputs {
+        let (name, unit) = quantity(&o.name);
+        let scales: Vec<String> = o
+            .length_scales
+            .iter()
+            .enumerate()
+            .map(|(i, l)| match inputs.get(i) {
+                Some(input) => format!("{} along {}", number(*l, 3), plain(&label(input, ""))),
+                None => number(*l, 3),
+            })
+            .collect();
+        let dash = || "\u{2013}".to_owned();
+        rows.push_str(&format!(
+            "<tr><td>{}</td><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td>\
+             <td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
+            subscripts(&format!("{}{}", plain(&name), if unit.is_empty() { String::new() } else { format!(" ({unit})") })),
+            subscripts(&scales.join("; ")),
+            optional(o.signal_variance, &f64::sqrt),
+            optional(o.noise_variance, &f64::sqrt),
+            optional(o.log_marginal_likelihood, &|v| v),
+            within(o, 1.0).unwrap_or_else(dash),
+            within(o, 2.0).unwrap_or_else(dash)
+        ));
+        for w in &o.warnings {
+            warnings.push_str(&format!(
+                "<li class=\"bad\">{}: {}</li>",
+                subscripts(&plain(&name)),
+                escape(w)
+            ));
+        }
+    }
+    let warned = if warnings.is_empty() {
+        "<p>The map's card warns of nothing.</p>".to_owned()
+    } else {
+        format!("<p>The map's card warns:</p><ul class=\"says\">{warnings}</ul>")
+    };
+    format!(
+        "<div class=\"wide\"><table><thead><tr><th>output</th><th>length scales</th><th class=\"num\">signal sd</th>\
+         <th class=\"num\">noise sd</th><th class=\"num\">log marginal likelihood</th><th class=\"num\">within ±1 sd (68 %)</th>\
+         <th class=\"num\">within ±2 sd (95 %)</th></tr></thead><tbody>{rows}</tbody></table></div>\
+         <p class=\"note\">Map of iteration {}. The last two columns: leave-one-out predictions.</p>{warned}",
+        map.iteration
+    )
+}
+
+/// Where a run comes from and how to make it again.
+pub(super) fn provenance(run: &Run) -> String {
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    if let Some(p) = &run.provenance {
+        rows.push(("command", p.command.clone()));
+        rows.push(("seed", p.seed.to_string()));
+        rows.push(("Stridemap", p.version.clone()));
+        rows.push((
+            "source revision",
+            p.git_revision
+                .clone()
+                .unwrap_or_else(|| "not known".to_owned()),
+        ));
+        rows.push(("MuJoCo", p.mujoco_version.clone()));
+        rows.push(("robot model", p.model_hash.clone()));
+        rows.push(("machine", p.machine.clone()));
+        rows.push(("start", p.start.clone()));
+        rows.push((
+            "end",
+            p.end
+                .clone()
+                .unwrap_or_else(|| "none: the run did not reach its end".to_owned()),
+        ));
+    }
+    let (falls, stalls) = run.falls();
+    let counts = run.summary.as_ref().map_or_else(
+        || format!("{} so far", plural(run.transitions.len(), "stride")),
+        |s| {
+            format!(
+                "{} training, {} evaluation, {} warm-up, {} only to report",
+                s.strides.training, s.strides.evaluation, s.strides.warm_up, s.strides.record
+            )
+        },
+    );
+    rows.push(("strides on the robot", counts));
+    rows.push((
+        "while learning",
+        format!("{}, {}", plural(falls, "fall"), plural(stalls, "stall")),
+    ));
+    if let Some(seconds) = run.summary.as_ref().and_then(|s| s.seconds) {
+        rows.push((
+            "seconds of computing",
+            format!(
+                "{} in all: {} simulating, {} fitting, {} improving",
+                number(seconds.total, 3),
+                number(seconds.simulation, 3),
+                number(seconds.fit, 2),
+                number(seconds.improve, 3)
+            ),
+        ));
+    }
+    let table: String = rows
+        .iter()
+        .filter(|r| !r.1.is_empty())
+        .map(|(what, value)| {
+            let value = if *what == "command" {
+                format!("<code>{}</code>", escape(value))
+            } else {
+                escape(value)
+            };
+            format!("<tr><th scope=\"row\">{what}</th><td>{value}</td></tr>")
+        })
+        .collect();
+    let config = run.config.as_ref().map_or_else(String::new, |text| {
+        format!("<details><summary>Configuration, every value as resolved</summary><pre>{}</pre></details>", escape(text))
+    });
+    format!(
+        "<div class=\"wide\"><table class=\"facts\"><tbody>{table}</tbody></table></div>{config}"
+    )
+}
+
+/// The paper and this software.
+pub(super) fn bibliography() -> String {
+    let entry = "@article{morimoto2009nonparametric,\n  author  = {Morimoto, Jun and Atkeson, Christopher G.},\n  title   = {Nonparametric \
+                 representation of an approximated {P}oincar\u{e9} map for learning biped locomotion},\n  journal = {Autonomous Robots},\n  \
+                 year    = {2009},\n  doi     = {10.1007/s10514-009-9133-z}\n}";
+    format!(
+        "<h3>To cite</h3><p>J. Morimoto and C. G. Atkeson, <em>Nonparametric representation of an approximated Poincaré map for learning \
+         biped locomotion</em>, Autonomous Robots, 2009, \
+         <a href=\"https://doi.org/10.1007/s10514-009-9133-z\">doi:10.1007/s10514-009-9133-z</a>; and the version of Stridemap \
+         above.</p><pre>{}</pre>",
+        escape(entry)
+    )
+}

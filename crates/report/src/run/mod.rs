@@ -1,0 +1,486 @@
+//! A run directory, read as far as it goes.
+
+mod formats;
+mod table;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+pub use formats::{
+    Columns, Frame, IterationSummary, LearningRow, LeaveOneOut, MapCard, MapOutput, Measured, Pose,
+    Provenance, PushSummary, Recording, Seconds, Shape, ShapeKind, StrideCounts, StrideEnd,
+    StrideRow, Summary,
+};
+use serde::de::DeserializeOwned;
+use table::Table;
+
+use crate::error::{ReportError, Result};
+use crate::figures::{MapGrid, PolicyGrid, ReturnPair};
+
+/// Everything that a report shows of a run. What is missing is `None` or empty, and named in
+/// [`missing`](Run::missing); what cannot be read is named in [`problems`](Run::problems).
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// Where it lies.
+    pub dir: PathBuf,
+    /// Name of the directory.
+    pub name: String,
+    /// `config.toml` as it stands.
+    pub config: Option<String>,
+    /// `provenance.json`.
+    pub provenance: Option<Provenance>,
+    /// `summary.json`.
+    pub summary: Option<Summary>,
+    /// `columns.json`.
+    pub columns: Columns,
+    /// `transitions.csv`.
+    pub transitions: Vec<StrideRow>,
+    /// `record.csv`.
+    pub record: Vec<StrideRow>,
+    /// `learning.csv`.
+    pub learning: Vec<LearningRow>,
+    /// `map/<iteration>.json`, ascending.
+    pub maps: Vec<MapCard>,
+    /// `figures/data/policy-<iteration>.csv`, ascending.
+    pub policies: Vec<(u32, PolicyGrid)>,
+    /// `figures/data/map-<iteration>.csv`, ascending.
+    pub grids: Vec<(u32, MapGrid)>,
+    /// `poses/<what>.json`, nominal first, final last.
+    pub recordings: Vec<(String, Recording)>,
+    /// `push.csv` with `push.json`: the learned policy under pushes.
+    pub push: Option<(Vec<ReturnPair>, PushSummary)>,
+    /// `push-nominal.csv` with `push-nominal.json`: the nominal gait under the same pushes.
+    pub push_nominal: Option<(Vec<ReturnPair>, PushSummary)>,
+    /// Files that are not there.
+    pub missing: Vec<String>,
+    /// Files that are there and cannot be read, and why.
+    pub problems: Vec<String>,
+}
+
+impl Run {
+    /// Reads a run directory. Only a directory that is none is an error: a run may have been killed
+    /// half-way, and the report of it says what is there.
+    ///
+    /// # Errors
+    ///
+    /// [`ReportError::Io`] if the directory cannot be read.
+    pub fn read(dir: &Path) -> Result<Run> {
+        fs::read_dir(dir).map_err(|source| ReportError::Io {
+            path: dir.to_owned(),
+            source,
+        })?;
+        let name = dir
+            .canonicalize()
+            .ok()
+            .and_then(|d| d.file_name().map(|n| n.to_string_lossy().into_owned()))
+            .unwrap_or_else(|| dir.display().to_string());
+        let mut run = Run {
+            dir: dir.to_owned(),
+            name,
+            ..Run::default()
+        };
+        run.config = run.text("config.toml");
+        run.provenance = run.json("provenance.json");
+        run.summary = run.json("summary.json");
+        run.columns = run.json("columns.json").unwrap_or_default();
+        let columns = run.columns.clone();
+        run.transitions = run
+            .csv("transitions.csv", |t| strides(t, &columns))
+            .unwrap_or_default();
+        run.record = run
+            .csv("record.csv", |t| strides(t, &columns))
+            .unwrap_or_default();
+        run.learning = run.csv("learning.csv", learning).unwrap_or_default();
+        run.read_iterations(&columns);
+        run.read_poses();
+        if run.dir.join("push.csv").exists() {
+            run.push = run.read_push("push");
+        }
+        if run.dir.join("push-nominal.csv").exists() {
+            run.push_nominal = run.read_push("push-nominal");
+        }
+        Ok(run)
+    }
+
+    /// The desired roll of the pendulum, degrees, if the task names one.
+    #[must_use]
+    pub fn target_deg(&self) -> Option<f64> {
+        let table: toml::Table = self.config.as_deref()?.parse().ok()?;
+        let number = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
+        table.get("reward")?.as_array()?.iter().find_map(|r| {
+            let quantity = r.get("quantity")?.as_str()?;
+            quantity
+                .starts_with("psi_roll")
+                .then(|| r.get("target_deg").and_then(number))?
+        })
+    }
+
+    /// Whether the run reached its end.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.summary
+            .as_ref()
+            .is_some_and(|s| s.final_policy.is_some())
+    }
+
+    /// Falls and stalls on the robot in the budget (training and evaluation).
+    #[must_use]
+    pub fn falls(&self) -> (usize, usize) {
+        let count = |end| self.transitions.iter().filter(|t| t.end == end).count();
+        (count(StrideEnd::Fell), count(StrideEnd::NoCrossing))
+    }
+
+    fn text(&mut self, file: &str) -> Option<String> {
+        match fs::read_to_string(self.dir.join(file)) {
+            Ok(text) => Some(text),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                self.missing.push(file.to_owned());
+                None
+            }
+            Err(e) => {
+                self.problems.push(format!("{file}: {e}"));
+                None
+            }
+        }
+    }
+
+    fn json<T: DeserializeOwned>(&mut self, file: &str) -> Option<T> {
+        let text = self.text(file)?;
+        match serde_json::from_str(&text) {
+            Ok(value) => Some(value),
+            Err(e) => {
+                self.problems.push(format!("{file}: {e}"));
+                None
+            }
+        }
+    }
+
+    fn csv<T>(&mut self, file: &str, read: impl Fn(&Table) -> Result<T>) -> Option<T> {
+        let text = self.text(file)?;
+        let table = Table::parse(Path::new(file), &text);
+        match table.and_then(|t| Ok((t.torn, read(&t)?))) {
+            Ok((torn, value)) => {
+                if torn {
+                    self.problems
+                        .push(format!("{file}: the last line was cut off and is left out"));
+                }
+                Some(value)
+            }
+            Err(e) => {
+                self.problems.push(e.to_string());
+                None
+            }
+        }
+    }
+
+    fn read_iterations(&mut self, columns: &Columns) {
+        for iteration in numbered(&self.dir.join("map"), "", ".json") {
+            if let Some(map) = self.json(&format!("map/{iteration}.json")) {
+                self.maps.push(map);
+            }
+        }
+        if self.maps.is_empty() {
+            self.missing.push("map/".to_owned());
+        }
+        let data = self.dir.join("figures/data");
+        for iteration in numbered(&data, "policy-", ".csv") {
+            let file = format!("figures/data/policy-{iteration}.csv");
+            let Some(mut grid) = self.csv(&file, |t| policy_grid(t, columns)) else {
+                continue;
+            };
+            let policy = self.dir.join(format!("policy/{iteration}.json"));
+            if let Ok(text) = fs::read_to_string(policy) {
+                grid.centres = centres(&text, columns.state.len());
+            }
+            self.policies.push((iteration, grid));
+        }
+        if self.policies.is_empty() {
+            self.missing.push("figures/data/policy-*.csv".to_owned());
+        }
+        for iteration in numbered(&data, "map-", ".csv") {
+            let file = format!("figures/data/map-{iteration}.csv");
+            if let Some(grid) = self.csv(&file, |t| map_grid(t, columns)) {
+                self.grids.push((iteration, grid));
+            }
+        }
+        if self.grids.is_empty() {
+            self.missing.push("figures/data/map-*.csv".to_owned());
+        }
+    }
+
+    fn read_poses(&mut self) {
+        let mut names: Vec<String> = fs::read_dir(self.dir.join("poses"))
+            .into_iter()
+            .flatten()
+            .flatten()
+            .filter_map(|e| {
+                e.file_name()
+                    .to_str()?
+                    .strip_suffix(".json")
+                    .map(str::to_owned)
+            })
+            .collect();
+        let rank = |n: &str| match n {
+            "nominal" => (0, 0),
+            "final" => (2, 0),
+            other => (
+                1,
+                other
+                    .trim_start_matches("iteration-")
+                    .parse()
+                    .unwrap_or(u32::MAX),
+            ),
+        };
+        names.sort_by(|a, b| rank(a).cmp(&rank(b)).then_with(|| a.cmp(b)));
+        for name in names {
+            let Some(recording) = self.json::<Recording>(&format!("poses/{name}.json")) else {
+                continue;
+            };
+            match broken(&recording) {
+                Some(problem) => self.problems.push(format!("poses/{name}.json: {problem}")),
+                None => self.recordings.push((name, recording)),
+            }
+        }
+        if self.recordings.is_empty() {
+            self.missing.push("poses/".to_owned());
+        }
+    }
+
+    fn read_push(&mut self, stem: &str) -> Option<(Vec<ReturnPair>, PushSummary)> {
+        let pairs = self.csv(&format!("{stem}.csv"), |t| {
+            let (a, b) = (
+                t.numbers("psi_roll_deg")?,
+                t.numbers("psi_roll_after_2_deg")?,
+            );
+            let force = t.numbers("force_n")?;
+            let pairs = a
+                .into_iter()
+                .zip(b)
+                .zip(force)
+                .map(|((a, b), f)| ReturnPair {
+                    psi_roll_deg: a,
+                    psi_roll_after_2_deg: b,
+                    force_n: f.is_finite().then_some(f),
+                });
+            Ok(pairs.collect::<Vec<_>>())
+        })?;
+        Some((pairs, self.json(&format!("{stem}.json"))?))
+    }
+}
+
+/// Why a recording cannot be shown, if so.
+fn broken(r: &Recording) -> Option<String> {
+    let bodies = r.frames.first()?.poses.len();
+    if let Some(i) = r.frames.iter().position(|f| f.poses.len() != bodies) {
+        return Some(format!(
+            "frame {i} has {} bodies, the first {bodies}",
+            r.frames[i].poses.len()
+        ));
+    }
+    if let Some(s) = r.shapes.iter().find(|s| s.body >= bodies) {
+        return Some(format!("a shape on body {} of {bodies}", s.body));
+    }
+    let finite = r
+        .frames
+        .iter()
+        .flat_map(|f| f.poses.iter().flatten())
+        .all(|v| v.is_finite());
+    (!finite).then(|| "a pose that is not finite".to_owned())
+}
+
+/// The numbers `n` of the files `<prefix>n<suffix>` of a directory, ascending.
+fn numbered(dir: &Path, prefix: &str, suffix: &str) -> Vec<u32> {
+    let mut numbers: Vec<u32> = fs::read_dir(dir)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|e| {
+            e.file_name()
+                .to_str()?
+                .strip_prefix(prefix)?
+                .strip_suffix(suffix)?
+                .parse()
+                .ok()
+        })
+        .collect();
+    numbers.sort_unstable();
+    numbers
+}
+
+fn strides(t: &Table, columns: &Columns) -> Result<Vec<StrideRow>> {
+    let all = |prefix: &str, names: &[String]| -> Result<Vec<usize>> {
+        names
+            .iter()
+            .map(|n| t.column(&format!("{prefix}{n}")))
+            .collect()
+    };
+    let state = all("", &columns.state)?;
+    let action = all("", &columns.action)?;
+    let next = all("next_", &columns.state)?;
+    let (iteration, role, episode, k) = (
+        t.column("iteration")?,
+        t.column("role")?,
+        t.column("episode")?,
+        t.column("k")?,
+    );
+    let (time, stance, reward, end) = (
+        t.column("time_s")?,
+        t.find("stance"),
+        t.column("reward")?,
+        t.column("end")?,
+    );
+    let what = t.find("what");
+    let numbers = |row: usize, at: &[usize]| -> Result<Vec<f64>> {
+        at.iter().map(|c| t.number(row, *c)).collect()
+    };
+    (0..t.rows.len())
+        .map(|row| {
+            Ok(StrideRow {
+                what: what.map_or_else(String::new, |c| t.word(row, c).to_owned()),
+                iteration: t.count(row, iteration)? as u32,
+                role: t.word(row, role).to_owned(),
+                episode: t.count(row, episode)?,
+                k: t.count(row, k)?,
+                time_s: t.number(row, time)?,
+                stance: stance.map_or_else(String::new, |c| t.word(row, c).to_owned()),
+                state: numbers(row, &state)?,
+                action: numbers(row, &action)?,
+                next_state: numbers(row, &next)?,
+                reward: t.number(row, reward)?,
+                end: t.parsed(
+                    row,
+                    end,
+                    "crossing, fell, no_crossing or aborted",
+                    |w| match w {
+                        "crossing" => Some(StrideEnd::Crossing),
+                        "fell" => Some(StrideEnd::Fell),
+                        "no_crossing" => Some(StrideEnd::NoCrossing),
+                        "aborted" => Some(StrideEnd::Aborted),
+                        _ => None,
+                    },
+                )?,
+            })
+        })
+        .collect()
+}
+
+fn learning(t: &Table) -> Result<Vec<LearningRow>> {
+    let (iteration, trial, world) = (
+        t.column("iteration")?,
+        t.column("trial")?,
+        t.column("world")?,
+    );
+    let (reward, falls, strides) = (
+        t.column("average_reward")?,
+        t.column("falls")?,
+        t.column("strides")?,
+    );
+    (0..t.rows.len())
+        .map(|row| {
+            Ok(LearningRow {
+                iteration: t.count(row, iteration)? as u32,
+                trial: t.count(row, trial)? as u32,
+                world: t.word(row, world).to_owned(),
+                average_reward: t.number(row, reward)?,
+                falls: t.count(row, falls)? as u32,
+                strides: t.count(row, strides)? as u32,
+            })
+        })
+        .collect()
+}
+
+fn policy_grid(t: &Table, columns: &Columns) -> Result<PolicyGrid> {
+    let per = |prefix: &str, names: &[String]| -> Result<Vec<Vec<f64>>> {
+        names
+            .iter()
+            .map(|n| t.numbers(&format!("{prefix}{n}")))
+            .collect()
+    };
+    Ok(PolicyGrid {
+        along: match t.find("along") {
+            Some(c) => (0..t.rows.len())
+                .map(|r| Ok(t.count(r, c)? as usize))
+                .collect::<Result<_>>()?,
+            None => vec![0; t.rows.len()],
+        },
+        state: per("", &columns.state)?,
+        mean: per("mean_", &columns.action)?,
+        std: per("std_", &columns.action)?,
+        value: t.find("value").map(|_| t.numbers("value")).transpose()?,
+        centres: Vec::new(),
+    })
+}
+
+fn map_grid(t: &Table, columns: &Columns) -> Result<MapGrid> {
+    let per = |prefix: &str, names: &[String]| -> Result<Vec<Vec<f64>>> {
+        names
+            .iter()
+            .map(|n| t.numbers(&format!("{prefix}{n}")))
+            .collect()
+    };
+    let axis = |name: &str| -> Result<Vec<usize>> {
+        match t.find(name) {
+            Some(c) => (0..t.rows.len())
+                .map(|r| Ok(t.count(r, c)? as usize))
+                .collect(),
+            None => Ok(vec![0; t.rows.len()]),
+        }
+    };
+    Ok(MapGrid {
+        state_axis: axis("state_axis")?,
+        action_axis: axis("action_axis")?,
+        state: per("", &columns.state)?,
+        action: per("", &columns.action)?,
+        mean: per("mean_", &columns.state)?,
+        latent_std: per("latent_std_", &columns.state)?,
+        noise_std: per("noise_std_", &columns.state)?,
+    })
+}
+
+/// Centres of a policy's bases: the first `centres` in the file, flat or one array per base.
+fn centres(text: &str, states: usize) -> Vec<Vec<f64>> {
+    fn search(value: &serde_json::Value, out: &mut Vec<f64>) -> bool {
+        match value {
+            serde_json::Value::Object(map) => map.iter().any(|(key, inner)| {
+                if key == "centres" || key == "centers" {
+                    flatten(inner, out);
+                    return !out.is_empty();
+                }
+                if key == "centre" || key == "center" {
+                    flatten(inner, out);
+                    return false;
+                }
+                search(inner, out)
+            }),
+            serde_json::Value::Array(items) => items.iter().any(|inner| search(inner, out)),
+            _ => false,
+        }
+    }
+    fn flatten(value: &serde_json::Value, out: &mut Vec<f64>) {
+        match value {
+            serde_json::Value::Array(items) => items.iter().for_each(|v| flatten(v, out)),
+            other => out.extend(other.as_f64()),
+        }
+    }
+    let mut flat = Vec::new();
+    if let Ok(value) = serde_json::from_str::<serde_json::Value>(text) {
+        search(&value, &mut flat);
+    }
+    flat.chunks_exact(states.max(1))
+        .map(<[f64]>::to_vec)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centres_are_found_wherever_a_policy_keeps_them() {
+        let flat = r#"{"kind":"g","network":{"widths":[1],"centres":[1.0,2.0,3.0,4.0]}}"#;
+        assert_eq!(centres(flat, 2), [[1.0, 2.0], [3.0, 4.0]]);
+        let bases = r#"{"bases":[{"centre":[0.5]},{"centre":[1.5]}]}"#;
+        assert_eq!(centres(bases, 1), [[0.5], [1.5]]);
+        assert!(centres("{}", 1).is_empty());
+    }
+}
