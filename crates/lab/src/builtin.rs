@@ -7,7 +7,7 @@ use crate::error::{Invalid, LabError};
 use crate::task::Task;
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 2] = [
+pub const TASKS: [(&str, &str); 3] = [
     (
         "stepping",
         include_str!("../../../experiments/stepping.toml"),
@@ -15,6 +15,10 @@ pub const TASKS: [(&str, &str); 2] = [
     (
         "stepping-paper",
         include_str!("../../../experiments/stepping-paper.toml"),
+    ),
+    (
+        "small-stepping",
+        include_str!("../../../experiments/small-stepping.toml"),
     ),
 ];
 
@@ -62,7 +66,7 @@ fn config(error: crate::config::ConfigError) -> LabError {
 
 fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
     let model = document.get("robot.model").and_then(|node| node.as_str());
-    if model.is_some_and(|model| model != "biped") {
+    if model.is_some_and(|model| model != "biped" && model != "op3") {
         document.rebase("robot.model");
     }
     let task: Task = document.deserialize().map_err(config)?;

@@ -5,9 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
-use stridemap_returnmap::{
-    ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
-};
+use stridemap_returnmap::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 
 use crate::algorithm::{Algorithm, Iteration, NoRecorder};
 use crate::error::LabError;

@@ -128,6 +128,7 @@ pub struct Plant {
     push_force_n: Option<[f64; 3]>,
     observer: Option<Box<dyn TickObserver>>,
     abort_reason: Option<RobotError>,
+    true_psi_roll_deg: Option<f64>,
 }
 
 /// How running to the next section went.
@@ -172,6 +173,7 @@ impl Plant {
             push_force_n: None,
             observer: None,
             abort_reason: None,
+            true_psi_roll_deg: None,
         })
     }
 
@@ -191,6 +193,12 @@ impl Plant {
     #[must_use]
     pub const fn abort_reason(&self) -> Option<&RobotError> {
         self.abort_reason.as_ref()
+    }
+
+    /// `ψ_roll` at the last section as a simulator knows it, where the robot only estimates it.
+    #[must_use]
+    pub const fn true_psi_roll_deg(&self) -> Option<f64> {
+        self.true_psi_roll_deg
     }
 
     /// The action that the next stride starts from.
@@ -235,6 +243,11 @@ impl Plant {
         let crossing = self.detector.update(self.robot.state());
         let pendulum = self.detector.pendulum();
         self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
+        if let (Some(found), Some(truth)) = (&crossing, self.robot.true_state()) {
+            let base = self.task.section.pendulum_base;
+            let there = stridemap_section::pendulum(truth, found.pendulum.stance, base);
+            self.true_psi_roll_deg = there.map(|p| p.roll_rad.to_degrees());
+        }
         if let Some(observer) = &mut self.observer {
             let robot = self.robot.as_ref();
             observer.tick(robot, robot.state(), crossing.as_ref(), self.push_force_n);

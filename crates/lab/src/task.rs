@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
 use stridemap_learn::ActorCriticConfig;
-use stridemap_mujoco::{MujocoConfig, MujocoRobot};
+use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{
     ActionDimension, ActionLimits, MapConfig, MapFailure, ProcessSpec, StateDimension,
 };
@@ -345,7 +345,10 @@ impl Task {
             return invalid("record.strides".into(), "must be at least 1".into());
         }
         if !(0.0..=600.0).contains(&self.record.pose_seconds) {
-            return invalid("record.pose_seconds".into(), "must lie in [0, 600] s".into());
+            return invalid(
+                "record.pose_seconds".into(),
+                "must lie in [0, 600] s".into(),
+            );
         }
         self.map.validate(n, m)?;
         self.learner.actor_critic.validate()?;
@@ -488,7 +491,7 @@ impl Task {
     ///
     /// [`LabError`] of the room at fault.
     pub fn plant(&self) -> Result<Plant, LabError> {
-        let robot = MujocoRobot::new(self.robot.clone())?;
+        let robot = self.robot.build()?;
         let task = PlantTask {
             state: self.state.clone(),
             action: self.plant_actions()?,
@@ -497,11 +500,6 @@ impl Task {
             section: self.section,
             warm_up_strides: self.collect.warm_up_strides,
         };
-        Plant::new(
-            Box::new(robot),
-            Box::new(self.gait()?),
-            self.process_spec()?,
-            task,
-        )
+        Plant::new(robot, Box::new(self.gait()?), self.process_spec()?, task)
     }
 }

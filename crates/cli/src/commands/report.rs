@@ -32,7 +32,10 @@ pub fn report(paths: &[PathBuf], out: Option<&Path>) -> Result<(), Failure> {
     let page = match (paths, out) {
         ([path], None) => draw(path)?,
         _ => {
-            let runs = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+            let runs = paths
+                .iter()
+                .map(|path| read(path))
+                .collect::<Result<Vec<_>, _>>()?;
             let page = out.map_or_else(|| paths[0].join("comparison.html"), Path::to_path_buf);
             write_report(&runs, &page)?;
             page
