@@ -36,12 +36,37 @@ pub struct Common {
     /// Overrides one value of the task, e.g. `--set robot.mass_scale=1.05`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
+    /// Runs the task on another robot of its kind: the small humanoid with hardware effects (op3),
+    /// without (op3-ideal), or behind ROS 2 (ros2).
+    #[arg(long, value_name = "ROBOT")]
+    pub robot: Option<RobotName>,
     /// Prints one JSON document on stdout instead of text.
     #[arg(long)]
     pub json: bool,
     /// Threads for work over several seeds; results do not depend on it. Default: all processors.
     #[arg(long)]
     pub threads: Option<usize>,
+}
+
+/// A robot on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RobotName {
+    /// The small humanoid, simulated in this process with hardware effects.
+    Op3,
+    /// The same without hardware effects.
+    Op3Ideal,
+    /// A robot behind ROS 2.
+    Ros2,
+}
+
+impl From<RobotName> for stridemap_lab::RobotChoice {
+    fn from(name: RobotName) -> Self {
+        match name {
+            RobotName::Op3 => Self::Op3,
+            RobotName::Op3Ideal => Self::Op3Ideal,
+            RobotName::Ros2 => Self::Ros2,
+        }
+    }
 }
 
 /// A task and where its run goes.

@@ -23,7 +23,7 @@ pub const TASKS: [(&str, &str); 3] = [
 ];
 
 /// A task, read and checked.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct LoadedTask {
     /// The task.
     pub task: Task,

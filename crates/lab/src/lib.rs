@@ -27,6 +27,7 @@ mod poses;
 mod provenance;
 mod push;
 mod reward;
+mod robots;
 pub mod run;
 pub mod seed;
 mod strides;
@@ -46,6 +47,7 @@ pub use poses::{PoseRecorder, Recording};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
+pub use robots::RobotChoice;
 pub use strides::{
     ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
 };

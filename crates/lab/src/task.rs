@@ -7,6 +7,7 @@ use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{
     ActionDimension, ActionLimits, MapConfig, MapFailure, ProcessSpec, StateDimension,
 };
+use stridemap_robot::{Robot, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::error::{Invalid, LabError};
@@ -145,6 +146,9 @@ pub struct Task {
     pub state: Vec<StateComponent>,
     /// The robot.
     pub robot: MujocoConfig,
+    /// Where the robot is, if it is another process or a real one; left out: simulated in this process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link: Option<Ros2Config>,
     /// The nominal gait.
     pub gait: OscillatorGaitConfig,
     /// The Poincaré section.
@@ -485,13 +489,24 @@ impl Task {
         }
     }
 
-    /// Builds the robot with its gait as a stride process.
+    /// Builds the robot, simulated in this process, with its gait as a stride process.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::NotHere`] if the robot is behind a link; [`LabError`] of the room at fault.
+    pub fn plant(&self) -> Result<Plant, LabError> {
+        if self.link.is_some() {
+            return Err(LabError::NotHere);
+        }
+        self.plant_on(self.robot.build()?)
+    }
+
+    /// Puts the gait on a robot: a stride process.
     ///
     /// # Errors
     ///
     /// [`LabError`] of the room at fault.
-    pub fn plant(&self) -> Result<Plant, LabError> {
-        let robot = self.robot.build()?;
+    pub fn plant_on(&self, robot: Box<dyn Robot>) -> Result<Plant, LabError> {
         let task = PlantTask {
             state: self.state.clone(),
             action: self.plant_actions()?,

@@ -18,7 +18,7 @@ const INDIVIDUAL_STREAM: u64 = 1;
 ///
 /// What belongs to one individual robot (biases, gain errors) is drawn once from
 /// [`individual`](Self::individual) and stays; noise is drawn anew from the generator given at each
-/// reset. The defaults are those of the small humanoid in ROBOTS.md, sec. 2.
+/// reset. The defaults are those that the experiments of the small humanoid use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HardwareConfig {
@@ -51,6 +51,10 @@ pub struct HardwareConfig {
     pub imu_noise_deg: f64,
     /// Largest bias of the inertial unit's angles, about each axis, uniform.
     pub imu_bias_deg: f64,
+    /// Standard deviation of the gyroscope's noise, about each axis.
+    pub gyro_noise_deg_s: f64,
+    /// Largest bias of the gyroscope, about each axis, uniform.
+    pub gyro_bias_deg_s: f64,
     /// Standard deviation of a foot's load.
     pub load_noise_n: f64,
     /// Largest relative error of a foot's load; each foot has its own, uniform.
@@ -76,6 +80,8 @@ impl Default for HardwareConfig {
             encoder_bias_deg: 0.5,
             imu_noise_deg: 0.2,
             imu_bias_deg: 0.5,
+            gyro_noise_deg_s: 0.3,
+            gyro_bias_deg_s: 0.3,
             load_noise_n: 0.3,
             load_gain_error: 0.05,
             lost_commands: 0.002,
@@ -112,6 +118,8 @@ impl HardwareConfig {
             ("hardware.encoder_bias_deg", self.encoder_bias_deg, 10.0),
             ("hardware.imu_noise_deg", self.imu_noise_deg, 10.0),
             ("hardware.imu_bias_deg", self.imu_bias_deg, 10.0),
+            ("hardware.gyro_noise_deg_s", self.gyro_noise_deg_s, 100.0),
+            ("hardware.gyro_bias_deg_s", self.gyro_bias_deg_s, 100.0),
             ("hardware.load_noise_n", self.load_noise_n, 1e3),
             ("hardware.load_gain_error", self.load_gain_error, 0.9),
             ("hardware.lost_commands", self.lost_commands, 0.9),
@@ -152,6 +160,7 @@ pub(crate) struct Individual {
     encoder_bias_rad: Vec<f64>,
     imu_bias_rad: [f64; 3],
     load_gain: [f64; 2],
+    gyro_bias_rad_s: [f64; 3],
 }
 
 impl Individual {
@@ -166,6 +175,7 @@ impl Individual {
                 .collect(),
             imu_bias_rad: [0; 3].map(|_| up_to(config.imu_bias_deg.to_radians())),
             load_gain: [0; 2].map(|_| 1.0 + up_to(config.load_gain_error)),
+            gyro_bias_rad_s: [0; 3].map(|_| up_to(config.gyro_bias_deg_s.to_radians())),
         }
     }
 
@@ -193,6 +203,10 @@ impl Individual {
         let noise = config.imu_noise_deg.to_radians();
         let error = self.imu_bias_rad.map(|bias| bias + normal(noise));
         read.orientation = product(truth.orientation, of_rotation_vector(error));
+        let noise = config.gyro_noise_deg_s.to_radians();
+        for (rate, bias) in (read.angular_velocity_rad_s.iter_mut()).zip(self.gyro_bias_rad_s) {
+            *rate += bias + normal(noise);
+        }
         for ((load, gain), true_n) in
             (read.loads_n.iter_mut().zip(self.load_gain)).zip(truth.loads_n)
         {

@@ -171,6 +171,8 @@ fn commands_and_readings_are_late_by_their_delays() -> Outcome {
         encoder_bias_deg: 0.0,
         imu_noise_deg: 0.0,
         imu_bias_deg: 0.0,
+        gyro_noise_deg_s: 0.0,
+        gyro_bias_deg_s: 0.0,
         load_noise_n: 0.0,
         load_gain_error: 0.0,
         lost_commands: 0.0,

@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 
 use crate::error::RobotError;
-use crate::kinematics::KinematicModel;
+use crate::kinematics::{KinematicModel, inverse, of_rotation_vector, product, rotation_vector};
 use crate::legs::{JointTargets, Side};
 use crate::machine::{JointMap, Machine, SensorFrame};
 use crate::robot::{Robot, RobotDescription};
@@ -12,6 +12,10 @@ use crate::state::{BaseState, CentreOfMass, FootState, RobotState};
 
 /// A foot becomes the one that stands still when it carries more than this share of the load.
 const ANCHOR_SHARE: f64 = 0.6;
+/// Time constant with which the attitude follows the inertial unit's angles; within it the gyroscope
+/// leads. A noise of 0.2 deg at 125 Hz becomes one of 0.04 deg; a gyroscope that is off by 0.5 deg/s
+/// turns the attitude by 0.05 deg.
+const ATTITUDE_FILTER_S: f64 = 0.1;
 
 /// Estimates a [`RobotState`] from joint angles, an inertial unit, foot loads and a kinematic model.
 ///
@@ -21,6 +25,10 @@ const ANCHOR_SHARE: f64 = 0.6;
 /// ```text
 /// base = anchor − R(imu) · sole(joints),   com = base + R(imu) · com(joints),   v = Δcom / Δt
 /// ```
+///
+/// The attitude is that of the inertial unit, smoothed by its gyroscope (a complementary filter): with
+/// the plain angles a section is found more often where noise has just moved the mass inwards, so that
+/// the mean of `ψ_roll` was 0.19 deg above the truth on the small humanoid.
 ///
 /// When the load passes to the other foot, the anchor passes to where that foot's sole is then
 /// (leg odometry; height 0). The velocity is the plain difference of two ticks: whoever needs less noise
@@ -33,6 +41,38 @@ pub struct Estimator {
     anchor: Option<(Side, [f64; 2])>,
     state: RobotState,
     angles_rad: Vec<f64>,
+    attitude: Option<Attitude>,
+}
+
+/// The attitude and rate at the last reading.
+#[derive(Clone, Copy, Debug)]
+struct Attitude {
+    time_s: f64,
+    orientation: [f64; 4],
+    rate_rad_s: [f64; 3],
+}
+
+impl Attitude {
+    /// The attitude after one more reading.
+    fn next(before: Option<Self>, frame: &SensorFrame) -> Self {
+        let (time_s, rate_rad_s) = (frame.time_s, frame.angular_velocity_rad_s);
+        let orientation = match before {
+            Some(before) if time_s > before.time_s => {
+                let dt_s = time_s - before.time_s;
+                let turned = [0, 1, 2].map(|k| 0.5 * dt_s * (before.rate_rad_s[k] + rate_rad_s[k]));
+                let predicted = product(before.orientation, of_rotation_vector(turned));
+                let error = rotation_vector(product(inverse(predicted), frame.orientation));
+                let share = dt_s / (ATTITUDE_FILTER_S + dt_s);
+                product(predicted, of_rotation_vector(error.map(|e| share * e)))
+            }
+            _ => frame.orientation,
+        };
+        Self {
+            time_s,
+            orientation,
+            rate_rad_s,
+        }
+    }
 }
 
 impl Estimator {
@@ -53,6 +93,7 @@ impl Estimator {
             anchor: None,
             state: RobotState::default(),
             angles_rad: Vec::new(),
+            attitude: None,
         })
     }
 
@@ -77,6 +118,7 @@ impl Estimator {
     /// Forgets everything seen; the world begins anew, midway between the feet.
     pub fn reset(&mut self) {
         self.anchor = None;
+        self.attitude = None;
         self.state = RobotState::default();
     }
 
@@ -102,7 +144,9 @@ impl Estimator {
         self.angles_rad.clear();
         self.angles_rad
             .extend(frame.joints.iter().map(|j| j.position_rad));
-        let placed = self.model.place(&self.angles_rad, frame.orientation);
+        let attitude = Attitude::next(self.attitude, frame);
+        self.attitude = Some(attitude);
+        let placed = self.model.place(&self.angles_rad, attitude.orientation);
         let [left, right] = frame.loads_n.map(|load| load.max(0.0));
         let share = (left + right > 0.0).then(|| right / (left + right));
 
@@ -149,7 +193,7 @@ impl Estimator {
             joints: self.map.legs_of(&frame.joints),
             base: BaseState {
                 position_m: base_m,
-                orientation: frame.orientation,
+                orientation: attitude.orientation,
                 angular_velocity_rad_s: frame.angular_velocity_rad_s,
             },
             com: CentreOfMass {
@@ -257,5 +301,36 @@ impl<M: Machine> Robot for EstimatedRobot<M> {
 
     fn poses(&self, out: &mut Vec<Pose>) {
         self.machine.poses(out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A base that turns about x at a constant rate, its gyroscope exact, its angles off by ±1 deg in
+    /// turn: the attitude follows the turn, and the noise is divided by 2 τ/dt (up to second order).
+    #[test]
+    fn the_gyroscope_smooths_the_attitude_without_delaying_it() {
+        let (rate, dt_s) = (0.5, 0.008);
+        let mut attitude = None;
+        for k in 0..500 {
+            let time_s = f64::from(k) * dt_s;
+            let noise = if k % 2 == 0 { 1_f64 } else { -1.0 }.to_radians();
+            let frame = SensorFrame {
+                time_s,
+                orientation: of_rotation_vector([rate * time_s + noise, 0.0, 0.0]),
+                angular_velocity_rad_s: [rate, 0.0, 0.0],
+                ..SensorFrame::default()
+            };
+            attitude = Some(Attitude::next(attitude, &frame));
+            let off = rotation_vector(attitude.unwrap().orientation)[0] - rate * time_s;
+            if k > 200 {
+                assert!(
+                    off.abs().to_degrees() < 1.1 * 0.5 * dt_s / ATTITUDE_FILTER_S,
+                    "{off}"
+                );
+            }
+        }
     }
 }

@@ -220,6 +220,25 @@ pub fn of_rotation_vector(vector_rad: Vec3) -> Quat {
     }
 }
 
+/// The rotation vector (axis times angle, at most π) of a unit quaternion.
+#[must_use]
+pub fn rotation_vector(q: Quat) -> Vec3 {
+    let [w, x, y, z] = if q[0] < 0.0 { q.map(|v| -v) } else { q };
+    let sin = (x * x + y * y + z * z).sqrt();
+    let scale = if sin > 1e-12 {
+        2.0 * sin.atan2(w) / sin
+    } else {
+        2.0
+    };
+    [x, y, z].map(|v| scale * v)
+}
+
+/// The inverse of a unit quaternion.
+#[must_use]
+pub fn inverse([w, x, y, z]: Quat) -> Quat {
+    [w, -x, -y, -z]
+}
+
 /// A vector turned by a unit quaternion.
 #[must_use]
 pub fn rotate(q: Quat, v: Vec3) -> Vec3 {
@@ -278,6 +297,10 @@ mod tests {
         let q = of_rotation_vector([0.0, 0.0, std::f64::consts::FRAC_PI_2]);
         let [x, y, z] = rotate(q, [1.0, 0.0, 0.0]);
         assert!(x.abs() < 1e-15 && (y - 1.0).abs() < 1e-15 && z.abs() < 1e-15);
+        for vector in [[0.3, -0.2, 1.1], [0.0; 3], [-3.0, 0.1, 0.2]] {
+            let back = rotation_vector(of_rotation_vector(vector));
+            assert!(back.iter().zip(vector).all(|(a, b)| (a - b).abs() < 1e-12));
+        }
         let twice = rotate(product(q, q), [1.0, 0.0, 0.0]);
         assert!((twice[0] + 1.0).abs() < 1e-15);
     }

@@ -114,7 +114,9 @@ pub fn run(
     let (task, policy) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
-            let task = builtin::load(name, &common.sets)?.task;
+            let task = builtin::load(name, &common.sets)?
+                .on(common.robot.map(Into::into), common.seed)?
+                .task;
             let policy = Algorithm::new(&task, 0)?.nominal_policy()?;
             (task, policy)
         }

@@ -96,7 +96,9 @@ pub fn run_arms(
     if seeds == 0 {
         return Err(Failure::request("--seeds must be at least 1"));
     }
-    let task = builtin::load(name, &common.sets)?.task;
+    let task = builtin::load(name, &common.sets)?
+        .on(common.robot.map(Into::into), common.seed)?
+        .task;
     let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
     let progress = SeedProgress::new(list.len());
     let arms = parallel::over(&list, common.threads, |&seed| {

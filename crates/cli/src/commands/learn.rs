@@ -45,6 +45,9 @@ fn start(
     stop: &Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
 ) -> Result<Summary, Failure> {
+    let loaded = &loaded
+        .clone()
+        .on(common.robot.map(Into::into), common.seed)?;
     let record = provenance("learn", name, &loaded.task, common)?;
     let mut directory = RunDirectory::create(
         path,

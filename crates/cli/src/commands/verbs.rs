@@ -39,7 +39,8 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         algorithm.collect(&mut directory)?;
         return show_batch(&algorithm, &mut directory, common.json);
     }
-    let loaded = builtin::load(task_or_run, &common.sets)?;
+    let loaded =
+        builtin::load(task_or_run, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
     let path = run_path(out, &loaded.task, common.seed);
     let record = provenance("collect", task_or_run, &loaded.task, common)?;
     let watcher = Box::new(RunProgress::new(&loaded.task));
