@@ -1,0 +1,29 @@
+//! Robots behind ROS 2.
+//!
+//! ```text
+//! controller process                                robot process, or a real robot
+//! EstimatedRobot ─ RemoteMachine ══ DDS topics ══ serve ─ CommandGuard ─ Machine
+//!                       │
+//!                     Journal (MCAP)
+//! ```
+//!
+//! [`RemoteMachine`] is a [`Machine`](stridemap_robot::Machine) over DDS, so that the estimator, the gait, the
+//! section and the learner are the same code as on a simulated robot. [`serve`] is the other end: it publishes
+//! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing leaves this machine unless
+//! the configuration names another network interface.
+
+mod error;
+mod guard;
+mod messages;
+mod node;
+mod remote;
+mod server;
+
+pub use error::LinkError;
+pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
+pub use messages::{
+    Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
+};
+pub use node::Topics;
+pub use remote::{LinkCounts, Operator, RemoteMachine, Yes};
+pub use server::{Serve, ServerReport, Status, send_stop, serve};
