@@ -40,6 +40,9 @@ pub struct Common {
     /// without (op3-ideal), or behind ROS 2 (ros2).
     #[arg(long, value_name = "ROBOT")]
     pub robot: Option<RobotName>,
+    /// Does not ask before a robot behind a link moves: for scripts.
+    #[arg(long)]
+    pub yes: bool,
     /// Prints one JSON document on stdout instead of text.
     #[arg(long)]
     pub json: bool,
@@ -95,6 +98,24 @@ pub enum FigureName {
     Fig10,
     /// Every figure, and a table: paper beside ours.
     All,
+}
+
+/// Where a robot behind ROS 2 is.
+#[derive(Clone, Debug, Args)]
+pub struct Network {
+    /// Domain of the DDS network.
+    #[arg(long, default_value_t = 0)]
+    pub domain: u16,
+    /// Address of the network interface. The default never leaves this machine.
+    #[arg(long, default_value = "127.0.0.1")]
+    pub interface: String,
+}
+
+/// A robot that can be simulated behind ROS 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ServedRobot {
+    /// The small humanoid ROBOTIS OP3.
+    Op3,
 }
 
 /// What to do.
@@ -264,6 +285,46 @@ pub enum Command {
     Init {
         /// The file. Default: my-robot.toml.
         file: Option<PathBuf>,
+    },
+    /// Simulates a robot as a process of its own that speaks ROS 2, with guards of its own.
+    #[command(
+        after_help = "Example, in two terminals:\n  stridemap robot op3 --seed 1\n  stridemap learn \
+        small-stepping --robot ros2"
+    )]
+    Robot {
+        /// Which one.
+        robot: ServedRobot,
+        /// Without hardware effects.
+        #[arg(long)]
+        ideal: bool,
+        /// Control periods per second.
+        #[arg(long, default_value_t = 125.0)]
+        rate: f64,
+        /// Which individual, and the root of its noise.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// How much faster than real time its clock runs; 0: each period as soon as the controller has
+        /// answered the last one.
+        #[arg(long, default_value_t = 1.0)]
+        realtime_factor: f64,
+        /// Ends after this much robot time. Default: runs until it is stopped.
+        #[arg(long)]
+        seconds: Option<f64>,
+        /// Where.
+        #[command(flatten)]
+        network: Network,
+    },
+    /// Presses the emergency stop of a robot behind ROS 2; it latches until --rearm.
+    Stop {
+        /// Re-arms instead.
+        #[arg(long)]
+        rearm: bool,
+        /// Why; the robot repeats it.
+        #[arg(long, default_value = "stridemap stop")]
+        reason: String,
+        /// Where.
+        #[command(flatten)]
+        network: Network,
     },
     /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run.
     Bench {

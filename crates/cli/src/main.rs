@@ -102,6 +102,20 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::Check { task, common } => commands::task::check(&task, &common),
         Command::Init { file } => commands::task::init(file.as_deref()),
+        Command::Robot {
+            robot: args::ServedRobot::Op3,
+            ideal,
+            rate,
+            seed,
+            realtime_factor,
+            seconds,
+            network,
+        } => commands::robot::robot(ideal, rate, seed, realtime_factor, seconds, &network),
+        Command::Stop {
+            rearm,
+            reason,
+            network,
+        } => commands::robot::stop(rearm, &reason, &network),
         Command::Bench { json } => commands::bench::bench(json),
     }
 }

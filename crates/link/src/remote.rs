@@ -410,14 +410,17 @@ impl RemoteMachine {
         Ok(())
     }
 
-    /// Refuses a robot that is not upright, or not still.
-    fn check_upright_and_still(&mut self) -> Result<(), RobotError> {
-        let tilt = BaseState {
+    fn tilt_deg(&self) -> f64 {
+        let base = BaseState {
             orientation: self.frame.orientation,
             ..BaseState::default()
-        }
-        .tilt_rad()
-        .to_degrees();
+        };
+        base.tilt_rad().to_degrees()
+    }
+
+    /// Refuses a robot that is not upright, or not still.
+    fn check_upright_and_still(&mut self) -> Result<(), RobotError> {
+        let tilt = self.tilt_deg();
         if tilt > self.config.upright_deg {
             return Err(self.fault(format!("the robot is not upright: tilted by {tilt:.0} deg")));
         }
@@ -479,7 +482,11 @@ impl Machine for RemoteMachine {
     ) -> Result<&SensorFrame, RobotError> {
         check_command(command_rad, &self.joint_names)?;
         let first = self.last_stamp_ns.is_none();
+        let tilt = self.tilt_deg();
         let why = self.trouble.take().unwrap_or_else(|| {
+            if !first && tilt > self.config.upright_deg {
+                return format!("the robot fell (tilted by {tilt:.0} deg)");
+            }
             if first {
                 "before the first stride"
             } else {

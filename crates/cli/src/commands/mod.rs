@@ -6,6 +6,7 @@ pub mod compare;
 pub mod learn;
 pub mod report;
 pub mod reproduce;
+pub mod robot;
 pub mod task;
 pub mod verbs;
 

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
-use stridemap_lab::{Algorithm, Performance, Phase, builtin, fit_map};
+use stridemap_lab::{Algorithm, Performance, Phase, Progress, builtin, fit_map};
 use stridemap_returnmap::{LearnedMap, SavedMap};
 
-use super::{provenance, run_path};
+use super::{provenance, robot, run_path};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -29,7 +29,13 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         let watcher = Box::new(RunProgress::new(&task));
         let (mut directory, progress) =
             RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-        let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+        let mut algorithm = robot::algorithm(
+            &task,
+            provenance.seed,
+            progress,
+            common,
+            &robot::Answers::default(),
+        )?;
         if algorithm.progress.policies.len() < algorithm.progress.iterations.len() {
             return Err(Failure::request(format!(
                 "{}: this batch is collected; `stridemap improve` the policy in its map first",
@@ -46,7 +52,13 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
     let watcher = Box::new(RunProgress::new(&loaded.task));
     let (task, resolved) = (&loaded.task, &loaded.resolved);
     let mut directory = RunDirectory::create(&path, task, resolved, &record, stop_flag(), watcher)?;
-    let mut algorithm = Algorithm::new(task, common.seed)?;
+    let mut algorithm = robot::algorithm(
+        task,
+        common.seed,
+        Progress::default(),
+        common,
+        &robot::Answers::default(),
+    )?;
     algorithm.collect(&mut directory)?;
     show_batch(&algorithm, &mut directory, common.json)
 }
@@ -154,7 +166,8 @@ pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
     let watcher = Box::new(RunProgress::new(&task));
     let (mut directory, progress) =
         RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-    let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+    let simulated = robot::here(&task);
+    let mut algorithm = Algorithm::resume(&simulated, provenance.seed, progress)?;
     let (policies, iterations) = (
         algorithm.progress.policies.len(),
         algorithm.progress.iterations.len(),
