@@ -43,6 +43,10 @@ pub struct Common {
     /// Does not ask before a robot behind a link moves: for scripts.
     #[arg(long)]
     pub yes: bool,
+    /// Writes everything that a robot simulated here says and is told to log.mcap in the run's directory;
+    /// a robot behind a link is always logged.
+    #[arg(long)]
+    pub log: bool,
     /// Prints one JSON document on stdout instead of text.
     #[arg(long)]
     pub json: bool,
@@ -148,6 +152,10 @@ pub enum Command {
     Collect {
         /// A task, to start a run; or a run directory, to go on.
         task: String,
+        /// Makes the strides from a robot's log instead, with no robot at all, and writes them as CSV (to
+        /// stdout, or to --out).
+        #[arg(long, value_name = "LOG.mcap")]
+        from: Option<PathBuf>,
         /// Directory of the run. Default: runs/TASK-SEED.
         #[arg(long)]
         out: Option<PathBuf>,

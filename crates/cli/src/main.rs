@@ -42,9 +42,15 @@ fn run(command: Command) -> Result<(), Failure> {
             (None, Some(task)) => commands::learn::learn(&task, out.as_deref(), seeds, &common),
             (None, None) => Err(Failure::request("learn needs a task or --resume RUN")),
         },
-        Command::Collect { task, out, common } => {
-            commands::verbs::collect(&task, out.as_deref(), &common)
-        }
+        Command::Collect {
+            task,
+            from,
+            out,
+            common,
+        } => match from {
+            Some(log) => commands::verbs::collect_from(&task, &log, out.as_deref(), &common),
+            None => commands::verbs::collect(&task, out.as_deref(), &common),
+        },
         Command::Fit {
             source,
             task,

@@ -42,7 +42,9 @@ pub use compare::{
 };
 pub use error::{Invalid, LabError};
 pub use measure::{StrideMeasures, StrideMeter};
-pub use plant::{FailureConfig, Plant, PlantAction, PlantCounters, PlantTask, Push, TickObserver};
+pub use plant::{
+    FailureConfig, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver,
+};
 pub use poses::{PoseRecorder, Recording};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};

@@ -110,6 +110,14 @@ pub trait TickObserver: Send {
     );
 }
 
+/// Who is told what the policy asked for and where the sections were: a log.
+pub trait StrideObserver: Send {
+    /// A stride begins with this action, as it was asked for.
+    fn action(&mut self, action: &[f64]);
+    /// A section was found.
+    fn section(&mut self, crossing: &Crossing);
+}
+
 /// The robot as a [`StrideProcess`].
 pub struct Plant {
     robot: Box<dyn Robot>,
@@ -129,6 +137,7 @@ pub struct Plant {
     observer: Option<Box<dyn TickObserver>>,
     abort_reason: Option<RobotError>,
     true_psi_roll_deg: Option<f64>,
+    log: Option<Box<dyn StrideObserver>>,
 }
 
 /// How running to the next section went.
@@ -174,6 +183,7 @@ impl Plant {
             observer: None,
             abort_reason: None,
             true_psi_roll_deg: None,
+            log: None,
         })
     }
 
@@ -219,6 +229,11 @@ impl Plant {
         self.robot.as_ref()
     }
 
+    /// Sets or removes a log of actions and sections.
+    pub fn log(&mut self, log: Option<Box<dyn StrideObserver>>) {
+        self.log = log;
+    }
+
     /// Sets or removes an observer of every control tick.
     pub fn observe(&mut self, observer: Option<Box<dyn TickObserver>>) {
         self.observer = observer;
@@ -243,6 +258,9 @@ impl Plant {
         let crossing = self.detector.update(self.robot.state());
         let pendulum = self.detector.pendulum();
         self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
+        if let (Some(found), Some(log)) = (&crossing, &mut self.log) {
+            log.section(found);
+        }
         if let (Some(found), Some(truth)) = (&crossing, self.robot.true_state()) {
             let base = self.task.section.pendulum_base;
             let there = stridemap_section::pendulum(truth, found.pendulum.stance, base);
@@ -392,6 +410,9 @@ impl StrideProcess for Plant {
     fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         if !self.at_section {
             return Err(ProcessError::NotReset);
+        }
+        if let Some(log) = &mut self.log {
+            log.action(action);
         }
         let action = self.law.apply(action)?;
         for (component, value) in self.task.action.iter().zip(&action) {

@@ -14,16 +14,20 @@
 
 mod error;
 mod guard;
+mod journal;
 mod messages;
 mod node;
 mod remote;
+mod replay;
 mod server;
 
 pub use error::LinkError;
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
+pub use journal::{Journal, LoggedMachine, SharedJournal};
 pub use messages::{
     Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
 };
 pub use node::Topics;
 pub use remote::{LinkCounts, Operator, RemoteMachine, Yes};
+pub use replay::{LoggedEpisode, ReplayMachine, SharedActions, read_log};
 pub use server::{Serve, ServerReport, Status, send_stop, serve};

@@ -49,7 +49,8 @@ impl RosTime {
     /// Seconds.
     #[must_use]
     pub const fn seconds(self) -> f64 {
-        self.sec as f64 + self.nanosec as f64 * 1e-9
+        // One division: the nearest number to the decimal fraction.
+        (self.sec as i64 * 1_000_000_000 + self.nanosec as i64) as f64 / 1e9
     }
 }
 

@@ -1,6 +1,8 @@
 //! Logs read back: strides from a file, with no robot at all.
 
+use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_robot::{
@@ -34,8 +36,8 @@ pub fn read_log(path: &Path, link: &Ros2Config) -> Result<Vec<LoggedEpisode>, Li
     };
     let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;
     let options = mcap::read::Options::IgnoreEndMagic.into();
-    let stream = mcap::MessageStream::new_with_options(&bytes, options)
-        .map_err(|e| fault(e.to_string()))?;
+    let stream =
+        mcap::MessageStream::new_with_options(&bytes, options).map_err(|e| fault(e.to_string()))?;
     let mut episodes: Vec<LoggedEpisode> = Vec::new();
     let (mut loads_n, mut imu) = ([None, None], None::<Imu>);
     for message in stream {
@@ -102,7 +104,11 @@ pub struct ReplayMachine {
     episode: LoggedEpisode,
     next: usize,
     frame: SensorFrame,
+    actions: SharedActions,
 }
+
+/// The actions of the episode that is being repeated, those not yet taken.
+pub type SharedActions = Arc<Mutex<VecDeque<Vec<f64>>>>;
 
 impl ReplayMachine {
     /// A machine that repeats these episodes, one per reset.
@@ -122,7 +128,14 @@ impl ReplayMachine {
             episode: LoggedEpisode::default(),
             next: 0,
             frame: SensorFrame::default(),
+            actions: SharedActions::default(),
         }
+    }
+
+    /// Where the actions of each episode appear as it begins.
+    #[must_use]
+    pub fn actions(&self) -> SharedActions {
+        Arc::clone(&self.actions)
     }
 
     fn over(&self) -> RobotError {
@@ -157,6 +170,9 @@ impl Machine for ReplayMachine {
     ) -> Result<&SensorFrame, RobotError> {
         self.episode = self.episodes.next().ok_or_else(|| self.over())?;
         self.next = 0;
+        if let Ok(mut actions) = self.actions.lock() {
+            *actions = self.episode.actions.drain(..).map(|(_, a)| a).collect();
+        }
         self.step(&[])
     }
 
@@ -183,7 +199,7 @@ mod tests {
     fn frame(k: usize) -> SensorFrame {
         let k = k as f64;
         SensorFrame {
-            time_s: 0.008 * k,
+            time_s: 8e6 * k / 1e9,
             joints: vec![
                 JointReading {
                     position_rad: 0.1 * k,

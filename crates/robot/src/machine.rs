@@ -113,6 +113,60 @@ pub trait Machine: Send {
     }
 }
 
+impl<M: Machine + ?Sized> Machine for Box<M> {
+    fn name(&self) -> &str {
+        (**self).name()
+    }
+
+    fn joint_names(&self) -> &[String] {
+        (**self).joint_names()
+    }
+
+    fn control_period_s(&self) -> f64 {
+        (**self).control_period_s()
+    }
+
+    fn limits(&self) -> &[JointLimits] {
+        (**self).limits()
+    }
+
+    fn reset(
+        &mut self,
+        command_rad: &[f64],
+        rng: &mut ChaCha8Rng,
+    ) -> Result<&SensorFrame, RobotError> {
+        (**self).reset(command_rad, rng)
+    }
+
+    fn frame(&self) -> &SensorFrame {
+        (**self).frame()
+    }
+
+    fn step(&mut self, command_rad: &[f64]) -> Result<&SensorFrame, RobotError> {
+        (**self).step(command_rad)
+    }
+
+    fn true_state(&self) -> Option<&RobotState> {
+        (**self).true_state()
+    }
+
+    fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
+        (**self).set_push(force_n)
+    }
+
+    fn engine_seconds(&self) -> Option<f64> {
+        (**self).engine_seconds()
+    }
+
+    fn geometry(&self) -> Vec<Shape> {
+        (**self).geometry()
+    }
+
+    fn poses(&self, out: &mut Vec<Pose>) {
+        (**self).poses(out);
+    }
+}
+
 /// Refuses commands that are not finite or not one per joint.
 ///
 /// # Errors

@@ -56,7 +56,7 @@ pub fn evaluate(
         return Err(Failure::request("--strides must be at least 1"));
     }
     let (task, policy) = task_and_policy(path, nominal, common)?;
-    let mut plant = plant(&task, common, &Answers::default())?;
+    let mut plant = plant(&task, common, &Answers::default(), None)?;
     let batch = Batch {
         iteration: 0,
         phase: StridePhase::Record,
@@ -123,7 +123,7 @@ pub fn run(
         }
         (None, None) => return Err(Failure::request("run needs a RUN or --nominal TASK")),
     };
-    let mut plant = plant(&task, common, &Answers::default())?;
+    let mut plant = plant(&task, common, &Answers::default(), None)?;
     let mut rng = stream(common.seed, Role::Run, 0);
     let table = TransitionTable::new(plant.spec());
     let mut rows = vec![table.header()];
@@ -226,7 +226,7 @@ pub fn push(
         ));
     }
     let (task, policy) = task_and_policy(path, nominal, common)?;
-    let mut plant = plant(&task, common, &Answers::default())?;
+    let mut plant = plant(&task, common, &Answers::default(), None)?;
     let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
     if let Some(out) = out {
         files::create_dir(out)?;

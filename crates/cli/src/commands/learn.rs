@@ -65,6 +65,7 @@ fn start(
         Progress::default(),
         common,
         &answers,
+        Some(path),
     )?;
     finish(&mut algorithm, &mut directory, &answers)
 }
@@ -113,7 +114,14 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
     let (mut directory, progress) =
         RunDirectory::resume(path, &task, provenance.seed, stop_flag(), watcher)?;
     let answers = Answers::default();
-    let mut algorithm = algorithm(&task, provenance.seed, progress, common, &answers)?;
+    let mut algorithm = algorithm(
+        &task,
+        provenance.seed,
+        progress,
+        common,
+        &answers,
+        Some(path),
+    )?;
     let summary = finish(&mut algorithm, &mut directory, &answers)?;
     super::report::draw(path)?;
     show(&task, &summary, path, common.json)

@@ -2,12 +2,22 @@
 //! comes here for its plant.
 
 use std::io::{BufRead, Write};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use stridemap_lab::{Algorithm, Plant, Progress, RobotChoice, Task, builtin};
-use stridemap_link::{GuardBounds, LinkError, Operator, RemoteMachine, Serve, send_stop, serve};
+use stridemap_lab::seed::{Role, stream};
+use stridemap_lab::{
+    Algorithm, Plant, Progress, RobotChoice, StrideObserver, StridePhase, StrideRole, Task,
+    Transition, builtin,
+};
+use stridemap_link::{
+    GuardBounds, Journal, LinkError, LoggedMachine, Operator, RemoteMachine, ReplayMachine, Serve,
+    SharedJournal, read_log, send_stop, serve,
+};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator, joints_at_rest};
-use stridemap_robot::{EstimatedRobot, Machine, Ros2Config};
+use stridemap_returnmap::{StrideEnd, StrideProcess};
+use stridemap_robot::{EstimatedRobot, JointLimits, Machine, Ros2Config};
+use stridemap_section::Crossing;
 
 use crate::args::{Common, Network};
 use crate::failure::Failure;
@@ -151,48 +161,166 @@ fn plan(task: &Task) -> String {
     )
 }
 
-/// The plant of a task: simulated here, or behind its link.
-pub fn plant(task: &Task, common: &Common, answers: &Answers) -> Result<Plant, Failure> {
-    let Some(link) = &task.link else {
-        return Ok(task.plant()?);
+/// Writes actions and sections into a robot's log.
+struct LogStrides(SharedJournal);
+
+impl StrideObserver for LogStrides {
+    fn action(&mut self, action: &[f64]) {
+        // A log that cannot be written is told by the machine that writes it as well.
+        if let Ok(mut journal) = self.0.lock() {
+            let _ = journal.action(action);
+        }
+    }
+
+    fn section(&mut self, crossing: &Crossing) {
+        let p = &crossing.pendulum;
+        let numbers = [
+            crossing.time_s,
+            p.roll_rad.to_degrees(),
+            p.pitch_rad.to_degrees(),
+            p.stance.lateral_sign(),
+        ];
+        if let Ok(mut journal) = self.0.lock() {
+            let _ = journal.section(&numbers);
+        }
+    }
+}
+
+/// The first name of a log in a run's directory that is not taken.
+pub fn log_path(run: &Path) -> PathBuf {
+    let named = |k: usize| match k {
+        1 => run.join("log.mcap"),
+        _ => run.join(format!("log-{k}.mcap")),
     };
+    (1..10_000)
+        .map(named)
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| run.join("log.mcap"))
+}
+
+/// The plant of a task: simulated here, or behind its link. A robot behind a link writes a log if it is told
+/// where; one simulated here only with `--log`.
+pub fn plant(
+    task: &Task,
+    common: &Common,
+    answers: &Answers,
+    run: Option<&Path>,
+) -> Result<Plant, Failure> {
     let lab = stridemap_lab::LabError::from;
+    let logged = common.log || task.link.is_some();
+    let path = run.filter(|_| logged).map(log_path);
+    let machine: Box<dyn Machine> = match &task.link {
+        None if path.is_none() || !task.robot.estimated => return Ok(task.plant()?),
+        None => Box::new(SimulatedMachine::new(&task.robot).map_err(lab)?),
+        Some(link) => {
+            let (names, limits) = joints(task)?;
+            let operator = Person {
+                plan: plan(task),
+                yes: common.yes,
+                answers: Arc::clone(answers),
+            };
+            let period_s = task.robot.control_period_s;
+            Box::new(RemoteMachine::open(
+                link,
+                names,
+                limits,
+                period_s,
+                Box::new(operator),
+            )?)
+        }
+    };
+    let estimator = estimator(&here(task).robot).map_err(lab)?;
+    let Some(path) = path else {
+        let robot =
+            EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+        return Ok(task.plant_on(Box::new(robot))?);
+    };
+    let link = task.link.clone().unwrap_or_default();
+    let journal = Journal::create(&path, machine.joint_names(), &link)?;
+    let machine = LoggedMachine::new(machine, Arc::clone(&journal));
+    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+    let mut plant = task.plant_on(Box::new(robot))?;
+    plant.log(Some(Box::new(LogStrides(journal))));
+    Ok(plant)
+}
+
+/// Names and limits of the joints that a task's joint map expects, in the robot's order and signs.
+fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
     let ideal = MujocoConfig {
         hardware: None,
         ..task.robot.clone()
     };
-    let model = SimulatedMachine::new(&ideal).map_err(lab)?;
-    let operator = Person {
-        plan: plan(task),
-        yes: common.yes,
-        answers: Arc::clone(answers),
-    };
-    let machine = RemoteMachine::open(
-        link,
-        model.joint_names().to_vec(),
-        model.limits().to_vec(),
-        task.robot.control_period_s,
-        Box::new(operator),
-    )?;
-    let robot = EstimatedRobot::new(machine, estimator(&ideal).map_err(lab)?)
-        .map_err(stridemap_lab::LabError::from)?;
-    Ok(task.plant_on(Box::new(robot))?)
+    let model = SimulatedMachine::new(&ideal).map_err(stridemap_lab::LabError::from)?;
+    Ok((model.joint_names().to_vec(), model.limits().to_vec()))
 }
 
-/// A run of a task on its robot.
+/// Strides from a log, with no robot at all.
+pub fn strides_of_log(task: &Task, log: &Path) -> Result<Vec<Transition>, Failure> {
+    let link = task.link.clone().unwrap_or_default();
+    let episodes = read_log(log, &link)?;
+    let starts = episodes.len();
+    let (names, limits) = joints(task)?;
+    let machine = ReplayMachine::new(episodes, names, limits, task.robot.control_period_s);
+    let actions = machine.actions();
+    let estimator = estimator(&here(task).robot).map_err(stridemap_lab::LabError::from)?;
+    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+    let mut plant = task.plant_on(Box::new(robot))?;
+    let mut rng = stream(0, Role::Collect, 0);
+    let mut transitions = Vec::new();
+    for episode in 0..starts {
+        // The log is over, or this start never came to a section: there is nothing more to learn from it.
+        let Ok(mut state) = plant.reset(&mut rng) else {
+            continue;
+        };
+        let mut k = 0;
+        loop {
+            let action = actions.lock().ok().and_then(|mut queue| queue.pop_front());
+            let Some(action) = action else { break };
+            let (stance, last_action) = (plant.stance(), plant.last_action().clone());
+            let stride = plant
+                .stride(&action, &mut rng)
+                .map_err(stridemap_lab::LabError::from)?;
+            if stride.end == StrideEnd::Aborted {
+                break;
+            }
+            transitions.push(Transition {
+                iteration: 1,
+                phase: StridePhase::Collect,
+                role: StrideRole::Training,
+                episode,
+                k,
+                time_s: plant.robot().state().time_s,
+                stance,
+                state: state.clone(),
+                last_action,
+                action: stride.action,
+                next_state: stride.next_state.clone(),
+                reward: stride.reward,
+                end: stride.end,
+                measures: *plant.last_measures(),
+                true_psi_roll_deg: None,
+            });
+            if stride.end != StrideEnd::Crossing {
+                break;
+            }
+            state = stride.next_state;
+            k += 1;
+        }
+    }
+    Ok(transitions)
+}
+
+/// A run of a task on its robot; `run` is its directory, where the log goes.
 pub fn algorithm<'a>(
     task: &'a Task,
     seed: u64,
     progress: Progress,
     common: &Common,
     answers: &Answers,
+    run: Option<&Path>,
 ) -> Result<Algorithm<'a>, Failure> {
-    Ok(Algorithm::on(
-        task,
-        seed,
-        plant(task, common, answers)?,
-        progress,
-    ))
+    let plant = plant(task, common, answers, run)?;
+    Ok(Algorithm::on(task, seed, plant, progress))
 }
 
 /// A task as if its robot were simulated here: for work that needs a plant's shape, not its robot.

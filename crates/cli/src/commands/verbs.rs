@@ -35,6 +35,7 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
             progress,
             common,
             &robot::Answers::default(),
+            Some(run),
         )?;
         if algorithm.progress.policies.len() < algorithm.progress.iterations.len() {
             return Err(Failure::request(format!(
@@ -58,9 +59,39 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         Progress::default(),
         common,
         &robot::Answers::default(),
+        Some(&path),
     )?;
     algorithm.collect(&mut directory)?;
     show_batch(&algorithm, &mut directory, common.json)
+}
+
+/// Makes strides from a robot's log.
+pub fn collect_from(
+    task: &str,
+    log: &Path,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
+    let task = builtin::load(task, &common.sets)?
+        .on(common.robot.map(Into::into), common.seed)?
+        .task;
+    let transitions = robot::strides_of_log(&task, log)?;
+    let table = TransitionTable::new(&task.process_spec()?);
+    let mut rows = vec![table.header()];
+    rows.extend(transitions.iter().map(|t| table.row(t)));
+    match out {
+        Some(path) => {
+            files::write_whole(path, (rows.join("\n") + "\n").as_bytes())?;
+            output::note(format!(
+                "{} strides; next: stridemap fit {} --task {}",
+                transitions.len(),
+                path.display(),
+                task.name
+            ));
+        }
+        None => rows.iter().for_each(output::line),
+    }
+    Ok(())
 }
 
 #[derive(Serialize)]
