@@ -30,6 +30,7 @@ mod reward;
 mod robots;
 pub mod run;
 pub mod seed;
+mod steering;
 mod strides;
 mod task;
 
@@ -50,6 +51,7 @@ pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
 pub use robots::RobotChoice;
+pub use steering::{Steered, can_steer, steer};
 pub use strides::{
     ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
 };
