@@ -334,6 +334,27 @@ pub enum Command {
         #[command(flatten)]
         network: Network,
     },
+    /// Tries every fault on a running link (loopback) and prints what the robot and the controller did.
+    Faults {
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+        /// First of the domains that it uses; it needs twenty.
+        #[arg(long, default_value_t = 120)]
+        domain: u16,
+    },
+    /// Times the link: a simulated robot in a process of its own, stepping for some seconds.
+    BenchLink {
+        /// For how long.
+        #[arg(long, default_value_t = 30.0)]
+        seconds: f64,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+        /// Domain of the DDS network.
+        #[arg(long, default_value_t = 119)]
+        domain: u16,
+    },
     /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run.
     Bench {
         /// Prints one JSON document on stdout instead of text.

@@ -122,6 +122,12 @@ fn run(command: Command) -> Result<(), Failure> {
             reason,
             network,
         } => commands::robot::stop(rearm, &reason, &network),
+        Command::Faults { json, domain } => commands::robot::faults(json, domain),
+        Command::BenchLink {
+            seconds,
+            json,
+            domain,
+        } => commands::robot::bench_link(seconds, json, domain),
         Command::Bench { json } => commands::bench::bench(json),
     }
 }

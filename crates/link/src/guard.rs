@@ -138,6 +138,12 @@ impl CommandGuard {
             .is_some_and(|w| now_s - w.last_s <= self.bounds.writer_s)
     }
 
+    /// Time since the last accepted command; `None` before the first.
+    #[must_use]
+    pub fn silence_s(&self, now_s: f64) -> Option<f64> {
+        self.wanted.as_ref().map(|(last_s, _)| now_s - last_s)
+    }
+
     /// The stamp, in nanoseconds, of the state that the newest heartbeat answers.
     #[must_use]
     pub fn answered(&self) -> Option<u64> {

@@ -13,6 +13,7 @@
 //! the configuration names another network interface.
 
 mod error;
+mod faults;
 mod guard;
 mod journal;
 mod messages;
@@ -22,6 +23,7 @@ mod replay;
 mod server;
 
 pub use error::LinkError;
+pub use faults::{FaultRow, fault_table};
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
 pub use journal::{Journal, LoggedMachine, SharedJournal};
 pub use messages::{

@@ -88,6 +88,7 @@ pub struct RemoteMachine {
     newest_status: Option<Status>,
     refused_before: u64,
     trouble: Option<String>,
+    watch: Watch,
     counts: LinkCounts,
 }
 
@@ -133,6 +134,7 @@ impl RemoteMachine {
             newest_status: None,
             refused_before: 0,
             trouble: None,
+            watch: Watch::default(),
             counts: LinkCounts::default(),
         })
     }
@@ -455,6 +457,53 @@ impl RemoteMachine {
     }
 }
 
+/// Compares what the joints were told with what they do, over windows.
+#[derive(Clone, Debug, Default)]
+struct Watch {
+    since_s: f64,
+    told: Vec<[f64; 2]>,
+    seen: Vec<[f64; 2]>,
+}
+
+impl Watch {
+    /// Length of a window: longer than a stride.
+    const WINDOW_S: f64 = 1.5;
+    /// A joint that was told to move by this much over a window, ...
+    const TOLD_RAD: f64 = 0.05;
+    /// ... and moved by less than this share of it, is stuck.
+    const SHARE: f64 = 0.15;
+
+    /// Takes one period; the joint that is stuck, if one is.
+    fn joint_stuck(&mut self, now_s: f64, told: &[f64], seen: &[JointReading]) -> Option<usize> {
+        if self.told.len() != told.len() || now_s < self.since_s {
+            *self = Self {
+                since_s: now_s,
+                told: told.iter().map(|v| [*v; 2]).collect(),
+                seen: seen.iter().map(|j| [j.position_rad; 2]).collect(),
+            };
+            return None;
+        }
+        let grow = |range: &mut [f64; 2], value: f64| {
+            *range = [range[0].min(value), range[1].max(value)];
+        };
+        for (range, value) in self.told.iter_mut().zip(told) {
+            grow(range, *value);
+        }
+        for (range, joint) in self.seen.iter_mut().zip(seen) {
+            grow(range, joint.position_rad);
+        }
+        if now_s - self.since_s < Self::WINDOW_S {
+            return None;
+        }
+        let width = |range: &[f64; 2]| range[1] - range[0];
+        let stuck = self.told.iter().zip(&self.seen).position(|(told, seen)| {
+            width(told) > Self::TOLD_RAD && width(seen) < Self::SHARE * width(told)
+        });
+        self.told.clear();
+        stuck
+    }
+}
+
 /// Periods for which the robot must stand before it is commanded.
 const LOOK_PERIODS: usize = 5;
 
@@ -543,6 +592,7 @@ impl Machine for RemoteMachine {
             .map_or(0, |s| s.refusals.second_writer);
         self.zero_ns = self.last_stamp_ns.unwrap_or(0);
         self.frame.time_s = 0.0;
+        self.watch = Watch::default();
         Ok(&self.frame)
     }
 
@@ -561,6 +611,14 @@ impl Machine for RemoteMachine {
             if gap_s > self.config.gap_s {
                 return Err(self.fault(format!("no state for {gap_s:.3} s of robot time")));
             }
+        }
+        let told = self.sent.clone().unwrap_or_default();
+        let stuck = self
+            .watch
+            .joint_stuck(self.frame.time_s, &told, &self.frame.joints);
+        if let Some(joint) = stuck {
+            let name = self.joint_names.get(joint).cloned().unwrap_or_default();
+            return Err(self.fault(format!("joint {name} does not follow its commands")));
         }
         Ok(&self.frame)
     }

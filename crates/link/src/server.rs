@@ -48,10 +48,10 @@ pub struct Status {
     pub commanded: bool,
     /// Follows, holds or gives way.
     pub act: String,
+    /// Robot time since the last command that it accepted.
+    pub silence_s: Option<f64>,
     /// How often its guard stepped in.
     pub refusals: Refusals,
-    /// The true sway angle's source, where the robot is simulated: base position (x, y, z).
-    pub true_base_m: Option<[f64; 3]>,
 }
 
 /// What a server did in its life.
@@ -63,6 +63,16 @@ pub struct ServerReport {
     pub late: u64,
     /// Messages that could not be read.
     pub unreadable: u64,
+    /// Periods in which somebody commanded the robot.
+    pub commanded: u64,
+    /// Of those, periods whose state was not answered before their end.
+    pub unanswered: u64,
+    /// From telling a state to having its answer, milliseconds: median.
+    pub round_trip_p50_ms: f64,
+    /// The same: 99 of 100 are faster.
+    pub round_trip_p99_ms: f64,
+    /// The same: the slowest.
+    pub round_trip_max_ms: f64,
     /// What the guard did.
     pub refusals: Refusals,
 }
@@ -136,6 +146,8 @@ pub fn serve<M: Machine>(
         report: ServerReport::default(),
         set_ups: 0,
         period_s,
+        told: "",
+        answers_ms: Vec::new(),
     };
     ready();
 
@@ -163,7 +175,7 @@ pub fn serve<M: Machine>(
                     server.report.late += 1;
                     next = now;
                 }
-                server.listen_until(next, now_s);
+                server.listen_until(next, now_ns, now_s);
             }
             None => server.listen_for_answer(now_ns, now_s),
         }
@@ -195,6 +207,18 @@ pub fn serve<M: Machine>(
         server.report.periods += 1;
     }
     server.report.refusals = server.guard.refusals();
+    let mut answers = std::mem::take(&mut server.answers_ms);
+    answers.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * answers.len() as f64) as usize;
+        answers
+            .get(index.min(answers.len().saturating_sub(1)))
+            .copied()
+            .unwrap_or(0.0)
+    };
+    server.report.round_trip_p50_ms = at(0.5);
+    server.report.round_trip_p99_ms = at(0.99);
+    server.report.round_trip_max_ms = at(1.0);
     Ok(server.report)
 }
 
@@ -206,6 +230,10 @@ struct Server {
     report: ServerReport,
     set_ups: u64,
     period_s: f64,
+    /// Whether it follows, holds or gives way, as last told.
+    told: &'static str,
+    /// Time from telling each state to having its answer.
+    answers_ms: Vec<f64>,
 }
 
 impl Server {
@@ -226,20 +254,22 @@ impl Server {
         let _ = self.out.imu.publish(imu);
         let _ = self.out.joints.publish(joints);
         let every = (1.0 / (STATUS_HZ * self.period_s)).round().max(1.0) as u64;
-        if self.report.periods.is_multiple_of(every) {
+        let doing = match act {
+            Act::Follow(_) => "follow",
+            Act::Hold(_) => "hold",
+            Act::Damp => "damp",
+        };
+        let changed = std::mem::replace(&mut self.told, doing) != doing;
+        if changed || self.report.periods.is_multiple_of(every) {
             let time_s = now_ns as f64 * 1e-9;
             let status = Status {
                 time_s,
                 set_ups: self.set_ups,
                 stopped: self.guard.stopped().map(ToOwned::to_owned),
                 commanded: self.guard.has_writer(time_s),
-                act: match act {
-                    Act::Follow(_) => "follow".into(),
-                    Act::Hold(_) => "hold".into(),
-                    Act::Damp => "damp".into(),
-                },
+                act: doing.into(),
+                silence_s: self.guard.silence_s(time_s),
                 refusals: self.guard.refusals(),
-                true_base_m: machine.true_state().map(|s| s.base.position_m),
             };
             if let Ok(data) = serde_json::to_string(&status) {
                 let _ = self.out.status.publish(Text { data });
@@ -283,35 +313,59 @@ impl Server {
         }
     }
 
-    fn listen_until(&mut self, deadline: Instant, now_s: f64) {
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+    /// Paced: waits for the period's end. What arrives acts at that boundary.
+    fn listen_until(&mut self, deadline: Instant, now_ns: u64, now_s: f64) {
+        let told = Instant::now();
+        if self.guard.has_writer(now_s) {
+            self.report.commanded += 1;
+            loop {
                 self.listen(now_s);
-                return;
+                if self.is_answered(now_ns, told) {
+                    break;
+                }
+                let left = deadline.saturating_duration_since(Instant::now());
+                if left.is_zero() {
+                    self.report.unanswered += 1;
+                    return;
+                }
+                std::thread::sleep(left.min(NAP));
             }
-            // One look, at the end of the period: commands act at its boundary anyway.
-            std::thread::sleep(left);
         }
+        std::thread::sleep(deadline.saturating_duration_since(Instant::now()));
+        self.listen(now_s);
     }
 
     /// Lock step: waits until the state of this period was answered. Without a controller, real time.
     fn listen_for_answer(&mut self, now_ns: u64, now_s: f64) {
-        let start = Instant::now();
+        let told = Instant::now();
         loop {
             self.listen(now_s);
-            let answered = self.guard.answered().is_some_and(|stamp| stamp >= now_ns);
-            let waited = start.elapsed();
-            let patience = if self.guard.has_writer(now_s) {
+            let writer = self.guard.has_writer(now_s);
+            let patience = if writer {
                 LOCK_STEP_WAIT
             } else {
                 Duration::from_secs_f64(self.period_s)
             };
-            if answered || waited >= patience || self.guard.stopped().is_some() {
+            let answered = self.is_answered(now_ns, told);
+            let over = told.elapsed() >= patience;
+            if answered || over || self.guard.stopped().is_some() {
+                self.report.commanded += u64::from(writer);
+                self.report.unanswered += u64::from(writer && !answered);
                 return;
             }
             std::thread::sleep(NAP);
         }
+    }
+
+    /// Whether the state of this period was answered; takes note of how long it took.
+    fn is_answered(&mut self, now_ns: u64, told: Instant) -> bool {
+        /// Enough for the percentiles of hours.
+        const MOST: usize = 1_000_000;
+        let answered = self.guard.answered().is_some_and(|stamp| stamp >= now_ns);
+        if answered && self.answers_ms.len() < MOST {
+            self.answers_ms.push(1e3 * told.elapsed().as_secs_f64());
+        }
+        answered
     }
 
     fn wants_set_up(&mut self) -> bool {

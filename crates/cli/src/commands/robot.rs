@@ -5,6 +5,7 @@ use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
     Algorithm, Plant, Progress, RobotChoice, StrideObserver, StridePhase, StrideRole, Task,
@@ -12,7 +13,7 @@ use stridemap_lab::{
 };
 use stridemap_link::{
     GuardBounds, Journal, LinkError, LoggedMachine, Operator, RemoteMachine, ReplayMachine, Serve,
-    SharedJournal, read_log, send_stop, serve,
+    SharedJournal, fault_table, read_log, send_stop, serve,
 };
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator, joints_at_rest};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
@@ -329,4 +330,135 @@ pub fn here(task: &Task) -> Task {
         link: None,
         ..task.clone()
     }
+}
+
+/// Tries every fault and prints the table.
+pub fn faults(json: bool, domain: u16) -> Result<(), Failure> {
+    let link = Ros2Config {
+        domain,
+        ..Ros2Config::default()
+    };
+    let rows = fault_table(&link)?;
+    if json {
+        output::json(&rows)?;
+    } else {
+        for row in &rows {
+            let within = row.within_ms.map_or("-".into(), |ms| format!("{ms:.0} ms"));
+            output::line(format!(
+                "{} {:<28} {within:>8}  {}",
+                if row.ok { "ok  " } else { "FAIL" },
+                row.fault,
+                row.seen
+            ));
+        }
+    }
+    if rows.iter().all(|row| row.ok) {
+        Ok(())
+    } else {
+        Err(Failure::working(
+            "the link did not meet every fault as it must",
+        ))
+    }
+}
+
+/// What the bench of the link shows.
+#[derive(Serialize)]
+struct LinkBench {
+    seconds: f64,
+    /// What the robot's process counted.
+    robot: serde_json::Value,
+    /// Share of one processor that each process used; null where the system does not tell.
+    robot_cpu: Option<f64>,
+    controller_cpu: Option<f64>,
+    strides: usize,
+}
+
+/// Processor time of a process, seconds; `None` where the system does not tell.
+fn cpu_s(process: &str) -> Option<f64> {
+    /// Ticks of a second on every Linux.
+    const TICKS: f64 = 100.0;
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let (user, system): (f64, f64) = (fields.get(11)?.parse().ok()?, fields.get(12)?.parse().ok()?);
+    Some((user + system) / TICKS)
+}
+
+/// Times the link: the nominal gait on a robot in another process.
+pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> {
+    let me = std::env::current_exe().map_err(|e| Failure::working(e.to_string()))?;
+    let mut child = std::process::Command::new(me)
+        .args(["robot", "op3", "--domain", &domain.to_string()])
+        .args(["--seconds", &(seconds + 10.0).to_string()])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .map_err(|e| Failure::working(format!("cannot start the robot: {e}")))?;
+    let sets = [format!("link.domain={domain}")];
+    let mut task = builtin::load(TASK, &[])?
+        .on(Some(RobotChoice::Ros2), 1)?
+        .task;
+    if let Some(link) = &mut task.link {
+        link.domain = domain;
+    }
+    let common = Common {
+        seed: 1,
+        sets: sets.to_vec(),
+        robot: None,
+        yes: true,
+        log: false,
+        json,
+        threads: None,
+    };
+    let mut plant = plant(&task, &common, &Answers::default(), None)?;
+    let mut rng = stream(1, Role::Run, 0);
+    plant
+        .reset(&mut rng)
+        .map_err(stridemap_lab::LabError::from)?;
+    let started = std::time::Instant::now();
+    let (child_id, before) = (child.id().to_string(), cpu_s("self"));
+    let child_before = cpu_s(&child_id);
+    let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
+    let mut strides = 0;
+    while started.elapsed().as_secs_f64() < seconds {
+        let stride = plant
+            .stride(&neutral, &mut rng)
+            .map_err(stridemap_lab::LabError::from)?;
+        if stride.end != StrideEnd::Crossing {
+            break;
+        }
+        strides += 1;
+    }
+    let elapsed = started.elapsed().as_secs_f64();
+    let share = |before: Option<f64>, after: Option<f64>| Some((after? - before?) / elapsed);
+    let robot_cpu = share(child_before, cpu_s(&child_id));
+    let controller_cpu = share(before, cpu_s("self"));
+    let mut told = String::new();
+    if let Some(mut stdout) = child.stdout.take() {
+        let _ = std::io::Read::read_to_string(&mut stdout, &mut told);
+    }
+    let _ = child.wait();
+    let shown = LinkBench {
+        seconds: elapsed,
+        robot: serde_json::from_str(&told)?,
+        robot_cpu,
+        controller_cpu,
+        strides,
+    };
+    if json {
+        return output::json(&shown);
+    }
+    let percent = |v: Option<f64>| v.map_or("?".into(), |v| format!("{:.1} %", 100.0 * v));
+    let r = &shown.robot;
+    output::line(format!(
+        "125 Hz for {elapsed:.0} s, {strides} strides: round trip p50 {} / p99 {} / max {} ms; {} of {} states \
+         not answered in time; processor: robot {}, controller {}",
+        r["round_trip_p50_ms"],
+        r["round_trip_p99_ms"],
+        r["round_trip_max_ms"],
+        r["unanswered"],
+        r["commanded"],
+        percent(robot_cpu),
+        percent(controller_cpu)
+    ));
+    Ok(())
 }
