@@ -2,7 +2,8 @@
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
-use faer::{MatMut, MatRef, Par};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, MatMut, MatRef, Par};
 use pulp::Simd;
 
 use crate::vector::PANEL;
@@ -67,6 +68,73 @@ pub(crate) fn triangular_inverse(factor: &[f64], inverse: &mut [f64], n: usize, 
     let factor = MatRef::from_column_major_slice_with_stride(factor, n, n, stride);
     let inverse = MatMut::from_column_major_slice_with_stride_mut(inverse, n, n, stride);
     faer::linalg::triangular_inverse::invert_lower_triangular(inverse, factor, PAR);
+}
+
+/// `B ← L⁻¹ B` for `columns` columns of `B`.
+pub(crate) fn solve_lower(factor: &[f64], b: &mut [f64], n: usize, stride: usize, columns: usize) {
+    let factor = MatRef::from_column_major_slice_with_stride(factor, n, n, stride);
+    let b = MatMut::from_column_major_slice_with_stride_mut(b, n, columns, stride);
+    faer::linalg::triangular_solve::solve_lower_triangular_in_place(factor, b, PAR);
+}
+
+/// `C ← C + A Aᵀ`, lower triangle, for `n × columns` `A`.
+pub(crate) fn add_outer(c: &mut [f64], a: &[f64], n: usize, stride: usize, columns: usize) {
+    let a = MatRef::from_column_major_slice_with_stride(a, n, columns, stride);
+    let c = MatMut::from_column_major_slice_with_stride_mut(c, n, n, stride);
+    let whole = BlockStructure::Rectangular;
+    let lower = BlockStructure::TriangularLower;
+    triangular::matmul(
+        c,
+        lower,
+        Accum::Add,
+        a,
+        whole,
+        a.transpose(),
+        whole,
+        1.0,
+        PAR,
+    );
+}
+
+/// `C ← C + A Bᵀ` for `n × columns` `A` and `B`.
+pub(crate) fn add_product_transposed(
+    c: &mut [f64],
+    a: &[f64],
+    b: &[f64],
+    n: usize,
+    stride: usize,
+    columns: usize,
+) {
+    let a = MatRef::from_column_major_slice_with_stride(a, n, columns, stride);
+    let b = MatRef::from_column_major_slice_with_stride(b, n, columns, stride);
+    let c = MatMut::from_column_major_slice_with_stride_mut(c, n, n, stride);
+    faer::linalg::matmul::matmul(c, Accum::Add, a, b.transpose(), 1.0, PAR);
+}
+
+/// `C ← A B` (or `C + A B`) for `n × n` `A` and `n × columns` `B`.
+pub(crate) fn product(
+    c: &mut [f64],
+    a: &[f64],
+    b: &[f64],
+    n: usize,
+    stride: usize,
+    columns: usize,
+    add: bool,
+) {
+    let a = MatRef::from_column_major_slice_with_stride(a, n, n, stride);
+    let b = MatRef::from_column_major_slice_with_stride(b, n, columns, stride);
+    let c = MatMut::from_column_major_slice_with_stride_mut(c, n, columns, stride);
+    let accumulate = if add { Accum::Add } else { Accum::Replace };
+    faer::linalg::matmul::matmul(c, accumulate, a, b, 1.0, PAR);
+}
+
+/// Mirrors the lower triangle into the upper one.
+pub(crate) fn mirror(a: &mut [f64], n: usize, stride: usize) {
+    for j in 0..n {
+        for i in j + 1..n {
+            a[i * stride + j] = a[j * stride + i];
+        }
+    }
 }
 
 /// `b ← L⁻¹ b`, with rows beyond `n` of `factor` and `b` zero up to a whole panel.

@@ -87,6 +87,14 @@ pub enum GpError {
         /// Number of coefficients of the mean.
         coefficients: usize,
     },
+    /// What was asked for does not exist for this kind of model.
+    #[error("{model} has no {feature}")]
+    Unsupported {
+        /// The kind of model.
+        model: &'static str,
+        /// What it does not have.
+        feature: &'static str,
+    },
     /// A predictive variance is NaN, or negative by more than rounding explains.
     #[error("predictive variance at row {row} is {variance:e}")]
     Variance {

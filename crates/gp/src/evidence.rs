@@ -13,6 +13,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use crate::aligned::Aligned;
 use crate::dense::{
     BackwardSolve, DenseScratch, ForwardSolve, cholesky, inverse_from_factor, small_cholesky,
     small_forward,
@@ -35,7 +36,7 @@ pub(crate) enum NoValue {
 
 /// The data of a regression and the memory to evaluate its evidence again and again.
 pub(crate) struct Evidence {
-    arch: Arch,
+    pub(crate) arch: Arch,
     kernel: Kernel,
     n: usize,
     dims: usize,
@@ -45,23 +46,23 @@ pub(crate) struct Evidence {
     coefficients: usize,
     log_det_basis: f64,
     /// Centred inputs, one padded row a dimension.
-    x: Vec<f64>,
+    x: Aligned,
     /// Targets, padded.
-    y: Vec<f64>,
+    y: Aligned,
     /// Mean basis, one padded row a coefficient.
-    basis: Vec<f64>,
+    basis: Aligned,
     /// Inputs in length scales, one padded row a dimension.
-    z: Vec<f64>,
+    z: Aligned,
     /// Slopes `h` below the diagonal, zero elsewhere.
-    slopes: Vec<f64>,
+    slopes: Aligned,
     /// `K`, then its factor `L`.
-    pub(crate) factor: Vec<f64>,
-    inverse: Vec<f64>,
+    pub(crate) factor: Aligned,
+    inverse: Aligned,
     /// `L⁻¹ H`, then `K⁻¹ H L_A⁻ᵀ`.
-    trend: Vec<f64>,
+    trend: Aligned,
     small: Vec<f64>,
     /// `P y`.
-    alpha: Vec<f64>,
+    alpha: Aligned,
     signal_variance: f64,
     noise_variance: f64,
     quadratic: f64,
@@ -83,8 +84,8 @@ impl Evidence {
         let n = y.len();
         let stride = padded(n);
         let coefficients = mean.coefficients(dims);
-        let mut soa = vec![0.0; dims * stride];
-        let mut basis = vec![0.0; coefficients * stride];
+        let mut soa = Aligned::zeros(dims * stride);
+        let mut basis = Aligned::zeros(coefficients * stride);
         let mut row_basis = vec![0.0; coefficients];
         for (i, row) in x.chunks_exact(dims).enumerate() {
             for d in 0..dims {
@@ -95,8 +96,7 @@ impl Evidence {
                 basis[b * stride + i] = *value;
             }
         }
-        let mut targets = y.to_vec();
-        targets.resize(stride, 0.0);
+        let targets = Aligned::zeros_with(stride, y);
         Self {
             arch: Arch::new(),
             kernel,
@@ -110,11 +110,11 @@ impl Evidence {
             y: targets,
             trend: basis.clone(),
             basis,
-            slopes: vec![0.0; stride * stride],
-            factor: vec![0.0; stride * stride],
-            inverse: vec![0.0; stride * stride],
+            slopes: Aligned::zeros(stride * stride),
+            factor: Aligned::zeros(stride * stride),
+            inverse: Aligned::zeros(stride * stride),
             small: vec![0.0; coefficients * coefficients],
-            alpha: vec![0.0; stride],
+            alpha: Aligned::zeros(stride),
             signal_variance: 0.0,
             noise_variance: 0.0,
             quadratic: 0.0,

@@ -169,7 +169,7 @@ impl Search<'_> {
                 self.random_start(rng)
             };
             let outcome = minimize(self, &start, &limits);
-            let log_prior: f64 = self.log_prior(&outcome.theta).0;
+            let log_prior: f64 = self.resolved.log_prior(&outcome.theta).0;
             report.starts.push(StartReport {
                 log_marginal_likelihood: (outcome.stop != Stop::BadStart)
                     .then_some(-outcome.value - log_prior),
@@ -202,21 +202,6 @@ impl Search<'_> {
             })
             .collect()
     }
-
-    /// Log prior density and its gradient by the log parameters.
-    fn log_prior(&self, theta: &[f64]) -> (f64, Vec<f64>) {
-        let mut total = 0.0;
-        let mut slopes = vec![0.0; theta.len()];
-        for (p, prior) in self.resolved.priors.iter().enumerate() {
-            if let Some(prior) = prior {
-                let (value, slope) =
-                    prior.log_density((theta[p] - self.resolved.log_unit[p]).exp());
-                total += value;
-                slopes[p] = slope;
-            }
-        }
-        (total, slopes)
-    }
 }
 
 impl Objective for Search<'_> {
@@ -229,7 +214,7 @@ impl Objective for Search<'_> {
             parameters.signal_variance,
             parameters.noise_variance,
         ) {
-            Ok(value) => Some(-value - self.log_prior(theta).0),
+            Ok(value) => Some(-value - self.resolved.log_prior(theta).0),
             Err(NoValue::Covariance(_)) => None,
             Err(NoValue::Mean) => {
                 self.mean_failed = true;
@@ -240,7 +225,7 @@ impl Objective for Search<'_> {
 
     fn gradient(&mut self, gradient: &mut [f64]) {
         self.evidence.gradient(gradient);
-        let (_, slopes) = self.log_prior(&self.last);
+        let (_, slopes) = self.resolved.log_prior(&self.last);
         for (gradient, slope) in gradient.iter_mut().zip(slopes) {
             *gradient = -*gradient - slope;
         }

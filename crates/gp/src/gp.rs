@@ -3,6 +3,7 @@
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
+use crate::aligned::Aligned;
 use crate::dense::{
     DenseScratch, cholesky, small_backward, small_cholesky, small_forward, triangular_inverse,
 };
@@ -41,11 +42,11 @@ pub struct Gp {
     /// `1/ℓ`.
     pub(crate) inverse_scales: Vec<f64>,
     /// Inputs centred and in length scales, one padded row a dimension.
-    pub(crate) z: Vec<f64>,
+    pub(crate) z: Aligned,
     /// `M = L⁻¹`.
     pub(crate) factor: InverseFactor,
     /// `α = P y`, padded.
-    pub(crate) alpha: Vec<f64>,
+    pub(crate) alpha: Aligned,
     pub(crate) trend: Trend,
     pub(crate) log_marginal_likelihood: f64,
     pub(crate) report: Option<FitReport>,
@@ -145,9 +146,9 @@ impl Gp {
             x: points.values().to_vec(),
             y: y.to_vec(),
             stride: 0,
-            z: Vec::new(),
+            z: Aligned::zeros(0),
             factor: InverseFactor::empty(),
-            alpha: Vec::new(),
+            alpha: Aligned::zeros(0),
             trend: Trend::default(),
             log_marginal_likelihood: 0.0,
             report: None,
@@ -162,7 +163,7 @@ impl Gp {
     /// Recomputes `z` from `x`.
     pub(crate) fn scale_inputs(&mut self) {
         self.stride = padded(self.y.len());
-        self.z = vec![0.0; self.dims * self.stride];
+        self.z = Aligned::zeros(self.dims * self.stride);
         for (i, row) in self.x.chunks_exact(self.dims).enumerate() {
             for d in 0..self.dims {
                 self.z[d * self.stride + i] =
@@ -179,8 +180,8 @@ impl Gp {
             noise_variance,
             ..
         } = self.hyperparameters;
-        let mut covariance = vec![0.0; stride * stride];
-        let mut inverse = vec![0.0; stride * stride];
+        let mut covariance = Aligned::zeros(stride * stride);
+        let mut inverse = Aligned::zeros(stride * stride);
         with_profile!(self.kernel, profile => self.arch.dispatch(Fill {
             profile,
             z: &self.z,
@@ -275,7 +276,7 @@ impl Gp {
         self.log_marginal_likelihood = -0.5 * dot(&whitened, &whitened) + self.factor.log_det()
             - 0.5 * log_det_a
             - 0.5 * (n as f64 - m as f64) * LOG_2_PI;
-        self.alpha = vec![0.0; stride];
+        self.alpha = Aligned::zeros(stride);
         self.factor.transposed_product(&whitened, &mut self.alpha);
         let mut weights = vec![0.0; m * stride];
         for (out, w) in weights.chunks_exact_mut(stride).zip(w.chunks_exact(stride)) {
@@ -383,4 +384,80 @@ pub(crate) fn check_data(points: Points<'_>, y: &[f64]) -> Result<()> {
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::Evidence;
+    use crate::predict::Scratch;
+    use crate::vector::every_arch;
+
+    /// Instruction sets round differently: fused or not, and in another order.
+    const ARCH_TOLERANCE: f64 = 1e-11;
+
+    #[test]
+    fn every_instruction_set_gives_the_same_answer() {
+        let dims = 3;
+        let x: Vec<f64> = (0..37 * dims)
+            .map(|i| ((i * i * 5 + i) as f64).sin())
+            .collect();
+        let y: Vec<f64> = x
+            .chunks_exact(dims)
+            .map(|x| (2.0 * x[0]).sin() + x[1] * x[2])
+            .collect();
+        let queries: Vec<f64> = (0..11 * dims).map(|i| (i as f64 * 0.7).cos()).collect();
+        let (points, queries) = (
+            Points::new(&x, dims).unwrap(),
+            Points::new(&queries, dims).unwrap(),
+        );
+        for kernel in [
+            Kernel::SquaredExponential,
+            Kernel::Matern32,
+            Kernel::Matern52,
+        ] {
+            let hyperparameters = Hyperparameters {
+                length_scales: vec![0.7, 0.9, 1.1],
+                signal_variance: 1.3,
+                noise_variance: 0.05,
+            };
+            let h = &hyperparameters;
+            let gp =
+                Gp::condition(points, &y, kernel, Mean::Zero, hyperparameters.clone()).unwrap();
+            let mut reference = vec![0.0; 2 + dims];
+            for (run, arch) in every_arch().into_iter().enumerate() {
+                let other = Gp { arch, ..gp.clone() };
+                let (mut mean, mut variance) = ([0.0; 11], [0.0; 11]);
+                other
+                    .predict_batch(queries, &mut mean, &mut variance, &mut Scratch::new())
+                    .unwrap();
+                for (i, x) in queries.rows().enumerate() {
+                    let (a, b) = (gp.predict(x).unwrap(), other.predict(x).unwrap());
+                    for (found, expected) in [
+                        (b.mean, a.mean),
+                        (b.latent_variance, a.latent_variance),
+                        (mean[i], a.mean),
+                        (variance[i], a.latent_variance),
+                    ] {
+                        assert!(
+                            (found - expected).abs() < ARCH_TOLERANCE,
+                            "{kernel:?} {arch:?}"
+                        );
+                    }
+                }
+                let frame = Frame::of(&x, dims);
+                let mut evidence = Evidence::new(&x, dims, &y, kernel, Mean::Constant, &frame);
+                evidence.arch = arch;
+                evidence
+                    .value(&h.length_scales, h.signal_variance, h.noise_variance)
+                    .unwrap();
+                let mut gradient = vec![0.0; 2 + dims];
+                evidence.gradient(&mut gradient);
+                for (found, expected) in gradient.iter().zip(&reference) {
+                    assert!(run == 0 || (found - expected).abs() < ARCH_TOLERANCE * 100.0);
+                }
+                reference = gradient;
+            }
+        }
+    }
 }

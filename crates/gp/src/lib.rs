@@ -1,4 +1,4 @@
-//! Gaussian-process regression on its own: kernels, posteriors, evidence, fitting and scores.
+#![doc = include_str!("../README.md")]
 //!
 //! # References
 //!
@@ -16,6 +16,8 @@
     reason = "`!(a < b)` is true of NaN, and that is meant"
 )]
 
+mod aligned;
+mod batch;
 mod card;
 mod dense;
 mod error;
@@ -24,6 +26,7 @@ mod fit;
 mod gp;
 mod hyper;
 mod kernel;
+mod likelihood;
 mod mean;
 mod multi;
 mod online;
@@ -35,6 +38,8 @@ mod predict;
 mod sample;
 mod saved;
 mod scores;
+mod sparse;
+mod sufficient;
 mod vector;
 
 pub use card::{Card, Warning};
@@ -43,6 +48,7 @@ pub use fit::{FitReport, StartReport};
 pub use gp::Gp;
 pub use hyper::Hyperparameters;
 pub use kernel::Kernel;
+pub use likelihood::LogMarginalLikelihood;
 pub use mean::Mean;
 pub use multi::{Draw, MultiGp};
 pub use optimize::Stop;
@@ -51,3 +57,5 @@ pub use points::Points;
 pub use predict::{Prediction, Scratch};
 pub use sample::JointPrediction;
 pub use scores::{LeaveOneOut, LeaveOneOutScores, coverage};
+pub use sparse::{SparseGp, SparseMethod, SparseOptions};
+pub use sufficient::{Sufficient, sufficient_inducing, sufficient_points};

@@ -208,6 +208,22 @@ pub(crate) struct Resolved {
     pub(crate) log_scale: Vec<f64>,
 }
 
+impl Resolved {
+    /// Log prior density and its gradient by the log parameters.
+    pub(crate) fn log_prior(&self, theta: &[f64]) -> (f64, Vec<f64>) {
+        let mut total = 0.0;
+        let mut slopes = vec![0.0; self.priors.len()];
+        for (p, prior) in self.priors.iter().enumerate() {
+            if let Some(prior) = prior {
+                let (value, slope) = prior.log_density((theta[p] - self.log_unit[p]).exp());
+                total += value;
+                slopes[p] = slope;
+            }
+        }
+        (total, slopes)
+    }
+}
+
 impl FitOptions {
     /// Checks the options and makes them definite for inputs in `frame` and targets `y`.
     pub(crate) fn resolve(&self, frame: &Frame, y: &[f64]) -> Result<Resolved> {

@@ -1,7 +1,7 @@
 //! The inverse Cholesky factor `M = L⁻¹`, stored for one thing: `M k` as fast as memory allows.
 //!
 //! ```text
-//! panel p: rows 16p … 16p+15, columns 0 … min(16(p+1), N) − 1, column by column
+//! panel p: rows 8p … 8p+7, columns 0 … min(8(p+1), N) − 1, column by column
 //! ```
 //!
 //! Half the memory of a square, every access a whole vector, and no solve (a chain of `N`
@@ -9,16 +9,17 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::aligned::Aligned;
 use crate::vector::{PANEL, padded};
 
-/// `L⁻¹` of an `n × n` covariance in panels of 16 rows.
+/// `L⁻¹` of an `n × n` covariance in panels of 8 rows.
 #[derive(Clone, Debug)]
 pub(crate) struct InverseFactor {
     n: usize,
-    data: Vec<f64>,
+    data: Aligned,
 }
 
-/// Where panel `p` starts: the panels before it have 16, 32, … 16p columns.
+/// Where panel `p` starts: the panels before it have 8, 16, … 8p columns.
 const fn offset(p: usize) -> usize {
     PANEL * PANEL * p * (p + 1) / 2
 }
@@ -28,7 +29,7 @@ impl InverseFactor {
     pub(crate) fn empty() -> Self {
         Self {
             n: 0,
-            data: Vec::new(),
+            data: Aligned::zeros(0),
         }
     }
 
@@ -36,7 +37,7 @@ impl InverseFactor {
     pub(crate) fn from_column_major(inverse: &[f64], n: usize, stride: usize) -> Self {
         let mut packed = Self {
             n,
-            data: vec![0.0; Self::entries(n)],
+            data: Aligned::zeros(Self::entries(n)),
         };
         for p in 0..n.div_ceil(PANEL) {
             let rows = PANEL.min(n - p * PANEL);
@@ -121,7 +122,7 @@ impl InverseFactor {
         let i = self.n;
         self.n += 1;
         // A new panel brings all its columns, an old one only the new one.
-        self.data.resize(Self::entries(self.n), 0.0);
+        self.data = Aligned::zeros_with(Self::entries(self.n), &self.data);
         for (j, value) in row.iter().enumerate() {
             self.data[Self::index(i, j)] = *value;
         }
@@ -157,7 +158,7 @@ impl InverseFactor {
         }
         let mut smaller = Self {
             n: n - 1,
-            data: vec![0.0; Self::entries(n - 1)],
+            data: Aligned::zeros(Self::entries(n - 1)),
         };
         for i in 0..n - 1 {
             for j in 0..=i {
@@ -173,14 +174,28 @@ impl InverseFactor {
         smaller
     }
 
+    /// The panels from top to bottom, each column by column, 8 entries a column.
+    #[inline(always)]
+    pub(crate) fn panels(&self) -> impl Iterator<Item = &[f64]> {
+        let mut rest = &self.data[..];
+        (0..padded(self.n) / PANEL).map(move |p| {
+            let (panel, below) = rest.split_at(self.columns(p) * PANEL);
+            rest = below;
+            panel
+        })
+    }
+
     /// The packed entries, for files.
     pub(crate) fn entries_slice(&self) -> &[f64] {
         &self.data
     }
 
     /// The factor from its packed entries; `None` if their number is not that of `n` rows.
-    pub(crate) fn from_entries(n: usize, data: Vec<f64>) -> Option<Self> {
-        (data.len() == Self::entries(n)).then_some(Self { n, data })
+    pub(crate) fn from_entries(n: usize, data: &[f64]) -> Option<Self> {
+        (data.len() == Self::entries(n)).then(|| Self {
+            n,
+            data: Aligned::from_slice(data),
+        })
     }
 }
 
@@ -195,10 +210,10 @@ impl WithSimd for NormSquared<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
         match S::F64_LANES {
-            8 => self.run::<S, 2, 4>(simd),
-            4 => self.run::<S, 4, 2>(simd),
-            2 => self.run::<S, 8, 2>(simd),
-            _ => self.run::<S, 16, 1>(simd),
+            8 => self.run::<S, 1, 8>(simd),
+            4 => self.run::<S, 2, 4>(simd),
+            2 => self.run::<S, 4, 2>(simd),
+            _ => self.run::<S, 8, 1>(simd),
         }
     }
 }
@@ -210,12 +225,8 @@ impl NormSquared<'_> {
     fn run<S: Simd, const VECTORS: usize, const CHAINS: usize>(self, simd: S) -> f64 {
         let zero = simd.splat_f64s(0.0);
         let mut total = zero;
-        let n = self.factor.n;
-        let mut panel = self.factor.data.as_slice();
-        for p in 0..padded(n) / PANEL {
-            let columns = (PANEL * (p + 1)).min(n);
-            let (this, rest) = panel.split_at(columns * PANEL);
-            panel = rest;
+        for this in self.factor.panels() {
+            let columns = this.len() / PANEL;
             let mut sums = [[zero; VECTORS]; CHAINS];
             let k = &self.k[..columns];
             let quads = k.chunks_exact(CHAINS);
@@ -320,6 +331,6 @@ mod tests {
             let row: Vec<f64> = (0..i).map(|j| whole.at(i, j)).collect();
             grown.push_row(&row, whole.at(i, i));
         }
-        assert_eq!(grown.data, whole.data);
+        assert_eq!(grown.data[..], whole.data[..]);
     }
 }

@@ -2,6 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::batch::{GROUP, GroupMoments};
 use crate::dense::small_forward;
 use crate::error::{GpError, Result, check_finite, check_len};
 use crate::gp::{Gp, dot};
@@ -9,7 +10,6 @@ use crate::kernel::{Profile, with_profile};
 use crate::mean::Mean;
 use crate::panels::NormSquared;
 use crate::points::Points;
-use crate::vector::PANEL;
 
 /// Largest negative latent variance, relative to the prior variance, that is put down to rounding
 /// and reported as zero: `|L⁻¹ k|²` loses `ε √cond(K)` of it, and `cond(K)` may be 10¹⁶.
@@ -92,6 +92,9 @@ impl Gp {
 
     /// Predicts at each row of `points`: `mean[i]` and `latent_variance[i]`.
     ///
+    /// Eight queries at a time, so a value may differ from that of [`predict`](Self::predict) in
+    /// its last digits; it does not depend on its place in the batch.
+    ///
     /// # Errors
     ///
     /// As [`predict`](Self::predict); [`GpError::Shape`] if the outputs are not one a point.
@@ -126,12 +129,36 @@ impl Gp {
             points.len(),
             latent_variance.len(),
         )?;
-        for (i, x) in points.rows().enumerate() {
-            let at = self
-                .predict_with(x, scratch)
-                .map_err(|error| at_row(error, i))?;
-            mean[i] = at.mean;
-            latent_variance[i] = at.latent_variance;
+        if self.mean != Mean::Zero {
+            for (i, x) in points.rows().enumerate() {
+                let at = self
+                    .predict_with(x, scratch)
+                    .map_err(|error| at_row(error, i))?;
+                (mean[i], latent_variance[i]) = (at.mean, at.latent_variance);
+            }
+            return Ok(());
+        }
+        let buffer = scratch.take(GROUP * (self.stride + self.dims));
+        let (k, z) = buffer.split_at_mut(GROUP * self.stride);
+        for first in (0..points.len()).step_by(GROUP) {
+            let count = GROUP.min(points.len() - first);
+            for q in 0..GROUP {
+                // The last group is filled up with its last query.
+                let x = points.row(first + q.min(count - 1));
+                for d in 0..self.dims {
+                    z[d * GROUP + q] = (x[d] - self.frame.centre[d]) * self.inverse_scales[d];
+                }
+            }
+            let (means, explained) = with_profile!(self.kernel, profile => {
+                self.arch.dispatch(GroupMoments { profile, gp: self, z, k })
+            });
+            for q in 0..count {
+                let variance = self.hyperparameters.signal_variance - explained[q];
+                mean[first + q] = means[q] + self.offset;
+                latent_variance[first + q] = self
+                    .checked_variance(variance)
+                    .map_err(|error| at_row(error, first + q))?;
+            }
         }
         Ok(())
     }
@@ -314,29 +341,66 @@ impl<P: Profile> WithSimd for Moments<'_, P> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> (f64, f64) {
         let Self { profile, gp, z, k } = self;
-        let stride = gp.stride;
-        debug_assert!(k.len() == stride && stride.is_multiple_of(PANEL));
-        let scale = simd.splat_f64s(gp.hyperparameters.signal_variance);
-        let mut mean = simd.splat_f64s(0.0);
-        {
-            let (k, _) = S::as_mut_simd_f64s(k);
-            let (alpha, _) = S::as_simd_f64s(&gp.alpha);
-            for (i, (k, &alpha)) in k.iter_mut().zip(alpha).enumerate() {
-                let mut q = simd.splat_f64s(0.0);
-                for (row, &z) in gp.z.chunks_exact(stride).zip(z) {
-                    let (row, _) = S::as_simd_f64s(row);
-                    let difference = simd.sub_f64s(row[i], simd.splat_f64s(z));
-                    q = simd.mul_add_e_f64s(difference, difference, q);
-                }
-                *k = simd.mul_f64s(profile.value(simd, q), scale);
-                mean = simd.mul_add_e_f64s(*k, alpha, mean);
-            }
-        }
-        let explained = NormSquared {
-            factor: &gp.factor,
+        let mean = CrossCovariance {
+            profile,
+            signal_variance: gp.hyperparameters.signal_variance,
+            stride: gp.stride,
+            points: &gp.z,
+            weights: &gp.alpha,
+            z,
             k,
         }
         .with_simd(simd);
-        (simd.reduce_sum_f64s(mean), explained)
+        (
+            mean,
+            NormSquared {
+                factor: &gp.factor,
+                k,
+            }
+            .with_simd(simd),
+        )
+    }
+}
+
+/// Fills `k*` between `points` (one padded row a dimension, scaled) and the scaled input `z`, and
+/// returns `k*ᵀ weights`.
+pub(crate) struct CrossCovariance<'a, P> {
+    pub(crate) profile: P,
+    pub(crate) signal_variance: f64,
+    pub(crate) stride: usize,
+    pub(crate) points: &'a [f64],
+    pub(crate) weights: &'a [f64],
+    pub(crate) z: &'a [f64],
+    pub(crate) k: &'a mut [f64],
+}
+
+impl<P: Profile> WithSimd for CrossCovariance<'_, P> {
+    type Output = f64;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self {
+            profile,
+            signal_variance,
+            stride,
+            points,
+            weights,
+            z,
+            k,
+        } = self;
+        let scale = simd.splat_f64s(signal_variance);
+        let mut mean = simd.splat_f64s(0.0);
+        let (k, _) = S::as_mut_simd_f64s(k);
+        let (weights, _) = S::as_simd_f64s(weights);
+        for (i, (k, &weight)) in k.iter_mut().zip(weights).enumerate() {
+            let mut q = simd.splat_f64s(0.0);
+            for (row, &z) in points.chunks_exact(stride).zip(z) {
+                let (row, _) = S::as_simd_f64s(row);
+                let difference = simd.sub_f64s(row[i], simd.splat_f64s(z));
+                q = simd.mul_add_e_f64s(difference, difference, q);
+            }
+            *k = simd.mul_f64s(profile.value(simd, q), scale);
+            mean = simd.mul_add_e_f64s(*k, weight, mean);
+        }
+        simd.reduce_sum_f64s(mean)
     }
 }

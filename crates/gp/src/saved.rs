@@ -23,7 +23,7 @@ const FORMAT: &str = "stridemap-gp";
 /// Format of several models over the same inputs.
 const MULTI_FORMAT: &str = "stridemap-multi-gp";
 /// Version of both formats that is written and read.
-const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 
 /// The saved form of a [`Gp`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -64,17 +64,8 @@ struct Header {
 }
 
 impl SavedGp {
-    /// FNV-1a over the bits of every number that determines the model.
+    /// Checksum of every number that determines the model.
     fn digest(&self) -> String {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        let mut take = |bits: u64| {
-            for byte in bits.to_le_bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-            }
-        };
-        take(self.kernel as u64);
-        take(self.mean as u64);
-        take(self.updates as u64);
         let h = &self.hyperparameters;
         let scalars = [h.signal_variance, h.noise_variance, self.offset];
         let factor = self.factor.iter().flatten();
@@ -90,9 +81,25 @@ impl SavedGp {
             .chain(rows)
             .chain(&self.targets)
             .chain(factor);
-        numbers.for_each(|number| take(number.to_bits()));
-        format!("{hash:016x}")
+        digest_of(
+            [self.kernel as u64, self.mean as u64, self.updates as u64],
+            numbers,
+        )
     }
+}
+
+/// FNV-1a over whole numbers and the bits of real ones.
+pub(crate) fn digest_of<'a>(whole: [u64; 3], numbers: impl Iterator<Item = &'a f64>) -> String {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for bits in whole
+        .into_iter()
+        .chain(numbers.map(|number| number.to_bits()))
+    {
+        for byte in bits.to_le_bytes() {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    format!("{hash:016x}")
 }
 
 impl From<Gp> for SavedGp {
@@ -121,7 +128,7 @@ impl From<Gp> for SavedGp {
     }
 }
 
-fn check_header(format: &str, version: u32, expected: &str) -> Result<()> {
+pub(crate) fn check_header(format: &str, version: u32, expected: &str) -> Result<()> {
     if format == expected && version == VERSION {
         return Ok(());
     }
@@ -129,6 +136,12 @@ fn check_header(format: &str, version: u32, expected: &str) -> Result<()> {
         expected: format!("{expected} version {VERSION}"),
         found: format!("{format} version {version}"),
     })
+}
+
+/// Checks the header alone, so that another version is told from a fault.
+pub(crate) fn check_text(text: &str, expected: &str) -> Result<()> {
+    let header: Header = parse(text)?;
+    check_header(&header.format, header.version, expected)
 }
 
 impl TryFrom<SavedGp> for Gp {
@@ -174,7 +187,7 @@ impl TryFrom<SavedGp> for Gp {
             let n = saved.targets.len();
             let found = entries.len();
             check_finite("factor", &entries, 1)?;
-            gp.factor = InverseFactor::from_entries(n, entries).ok_or(GpError::Corrupt {
+            gp.factor = InverseFactor::from_entries(n, &entries).ok_or(GpError::Corrupt {
                 what: "length of the factor",
                 expected: format!("that of {n} points"),
                 found: found.to_string(),
@@ -208,7 +221,7 @@ impl TryFrom<SavedMultiGp> for MultiGp {
     }
 }
 
-fn parse<T: for<'a> Deserialize<'a>>(text: &str) -> Result<T> {
+pub(crate) fn parse<T: for<'a> Deserialize<'a>>(text: &str) -> Result<T> {
     serde_json::from_str(text).map_err(|error| GpError::Parse {
         line: error.line(),
         column: error.column(),
@@ -216,7 +229,7 @@ fn parse<T: for<'a> Deserialize<'a>>(text: &str) -> Result<T> {
     })
 }
 
-fn write<T: Serialize>(value: &T) -> Result<String> {
+pub(crate) fn write<T: Serialize>(value: &T) -> Result<String> {
     serde_json::to_string(value).map_err(|error| GpError::Parse {
         line: error.line(),
         column: error.column(),
@@ -261,8 +274,7 @@ impl Gp {
     /// of another format or version, [`GpError::Corrupt`] if its checksum does not agree; and what
     /// [`Gp::condition`] may return.
     pub fn from_json(text: &str) -> Result<Self> {
-        let header: Header = parse(text)?;
-        check_header(&header.format, header.version, FORMAT)?;
+        check_text(text, FORMAT)?;
         parse::<SavedGp>(text)?.try_into()
     }
 }
@@ -283,8 +295,7 @@ impl MultiGp {
     ///
     /// As [`Gp::from_json`].
     pub fn from_json(text: &str) -> Result<Self> {
-        let header: Header = parse(text)?;
-        check_header(&header.format, header.version, MULTI_FORMAT)?;
+        check_text(text, MULTI_FORMAT)?;
         parse::<SavedMultiGp>(text)?.try_into()
     }
 }

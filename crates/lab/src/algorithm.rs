@@ -280,15 +280,22 @@ impl<'a> Algorithm<'a> {
         if self.progress.nominal.is_none() {
             self.measure_nominal(recorder)?;
         }
-        while !self.is_finished() {
-            let i = self.progress.policies.len();
-            if self.progress.iterations.len() == i {
+        loop {
+            let (begun, improved) = (self.progress.iterations.len(), self.progress.policies.len());
+            let last = self.progress.iterations.last();
+            let evaluates = self.task.algorithm.evaluation_strides > 0;
+            if improved < begun {
+                let map = self.fit(recorder)?;
+                self.improve(&map, recorder)?;
+            } else if evaluates && last.is_some_and(|i| i.evaluation.is_none()) {
+                self.evaluate(recorder)?;
+            } else if last.is_some_and(|i| i.record.is_none()) {
+                self.record_iteration(recorder)?;
+            } else if self.is_finished() {
+                break;
+            } else {
                 self.collect(recorder)?;
             }
-            let map = self.fit(recorder)?;
-            self.improve(&map, recorder)?;
-            self.evaluate(recorder)?;
-            self.record_iteration(recorder)?;
         }
         if self.progress.final_performance.is_none() {
             self.measure_final(recorder)?;
@@ -296,16 +303,9 @@ impl<'a> Algorithm<'a> {
         Ok(())
     }
 
-    /// Step 5: whether the loop has ended. An iteration that is not complete is completed first.
+    /// Step 5: whether the loop has ended, once its last iteration is complete.
     fn is_finished(&self) -> bool {
         let progress = &self.progress;
-        let complete = progress
-            .iterations
-            .last()
-            .is_none_or(|last| last.record.is_some());
-        if !complete {
-            return false;
-        }
         let done = progress.iterations.len();
         if done >= self.task.algorithm.iterations {
             return true;
@@ -459,10 +459,6 @@ impl<'a> Algorithm<'a> {
             return Ok(());
         };
         let index = self.progress.policies.len() - 1;
-        let already = self.progress.iterations[index].evaluation.is_some();
-        if config.evaluation_strides == 0 || already {
-            return Ok(());
-        }
         let role = if config.evaluation_trains {
             StrideRole::Training
         } else {

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use stridemap_mujoco::ModelSource;
+
 use crate::config::{Document, resolver};
 use crate::error::{Invalid, LabError};
 use crate::task::Task;
@@ -66,10 +68,17 @@ fn config(error: crate::config::ConfigError) -> LabError {
 
 fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
     let model = document.get("robot.model").and_then(|node| node.as_str());
-    if model.is_some_and(|model| model != "biped" && model != "op3") {
+    let is_file = model.is_some_and(|model| model != "biped" && model != "op3");
+    if is_file {
         document.rebase("robot.model");
     }
-    let task: Task = document.deserialize().map_err(config)?;
+    let mut task: Task = document.deserialize().map_err(config)?;
+    // The resolved task is saved elsewhere, and must find the model from there.
+    if let (true, ModelSource::File(path)) = (is_file, &mut task.robot.model)
+        && let Ok(absolute) = std::path::absolute(&*path)
+    {
+        *path = absolute;
+    }
     task.validate().map_err(|error| located(&document, error))?;
     let resolved = crate::config::to_toml(&task).map_err(config)?;
     Ok(LoadedTask { task, resolved })

@@ -152,14 +152,12 @@ impl CommandGuard {
 
     /// Takes a heartbeat: a sequence number, and the stamp of the state that is being answered.
     pub fn heartbeat(&mut self, writer: u128, sequence: u64, stamp_ns: u64) {
-        match self.heartbeat {
-            Some((last_sequence, last_stamp, of)) if of == writer => {
-                if sequence <= last_sequence || stamp_ns < last_stamp {
-                    self.refusals.out_of_order += 1;
-                    return;
-                }
-            }
-            _ => {}
+        if let Some((last_sequence, last_stamp, of)) = self.heartbeat
+            && of == writer
+            && (sequence <= last_sequence || stamp_ns < last_stamp)
+        {
+            self.refusals.out_of_order += 1;
+            return;
         }
         if self.writer.is_none_or(|w| w.id == writer) || self.heartbeat.is_none() {
             self.heartbeat = Some((sequence, stamp_ns, writer));

@@ -147,6 +147,7 @@ pub fn serve<M: Machine>(
         set_ups: 0,
         period_s,
         told: "",
+        pending: 0,
         answers_ms: Vec::new(),
     };
     ready();
@@ -232,6 +233,8 @@ struct Server {
     period_s: f64,
     /// Whether it follows, holds or gives way, as last told.
     told: &'static str,
+    /// States in a row that were not answered.
+    pending: u64,
     /// Time from telling each state to having its answer.
     answers_ms: Vec<f64>,
 }
@@ -317,7 +320,6 @@ impl Server {
     fn listen_until(&mut self, deadline: Instant, now_ns: u64, now_s: f64) {
         let told = Instant::now();
         if self.guard.has_writer(now_s) {
-            self.report.commanded += 1;
             loop {
                 self.listen(now_s);
                 if self.is_answered(now_ns, told) {
@@ -325,7 +327,7 @@ impl Server {
                 }
                 let left = deadline.saturating_duration_since(Instant::now());
                 if left.is_zero() {
-                    self.report.unanswered += 1;
+                    self.pending += 1;
                     return;
                 }
                 std::thread::sleep(left.min(NAP));
@@ -349,8 +351,7 @@ impl Server {
             let answered = self.is_answered(now_ns, told);
             let over = told.elapsed() >= patience;
             if answered || over || self.guard.stopped().is_some() {
-                self.report.commanded += u64::from(writer);
-                self.report.unanswered += u64::from(writer && !answered);
+                self.pending += u64::from(writer && !answered);
                 return;
             }
             std::thread::sleep(NAP);
@@ -362,6 +363,12 @@ impl Server {
         /// Enough for the percentiles of hours.
         const MOST: usize = 1_000_000;
         let answered = self.guard.answered().is_some_and(|stamp| stamp >= now_ns);
+        if answered {
+            // What was not answered because the controller had gone for good is not counted.
+            let pending = std::mem::take(&mut self.pending);
+            self.report.commanded += 1 + pending;
+            self.report.unanswered += pending;
+        }
         if answered && self.answers_ms.len() < MOST {
             self.answers_ms.push(1e3 * told.elapsed().as_secs_f64());
         }

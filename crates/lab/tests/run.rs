@@ -1,0 +1,236 @@
+//! A run directory: the same seed gives the same bytes, and a killed run ends like an unbroken one.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use stridemap_lab::builtin::{self, LoadedTask};
+use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
+use stridemap_lab::{
+    Algorithm, LabError, Phase, Progress, Provenance, Recorder, Recording, Transition,
+};
+use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_returnmap::LearnedMap;
+
+/// A short run: two iterations of six strides.
+fn short() -> LoadedTask {
+    let sets = [
+        "collect.strides=[6]",
+        "algorithm.iterations=2",
+        "algorithm.evaluation_strides=4",
+        "algorithm.evaluation_discard=1",
+        "learner.actor_critic.trials=10",
+        "record.strides=3",
+        "record.iteration_strides=2",
+        "record.discard=1",
+        "record.pose_seconds=0.5",
+    ];
+    builtin::load("stepping", &sets.map(String::from)).unwrap()
+}
+
+/// Passes everything on, and fails once after a number of strides: the power cut.
+struct Cut<'a> {
+    inner: &'a mut RunDirectory,
+    strides_left: usize,
+}
+
+impl Recorder for Cut<'_> {
+    fn stride(&mut self, t: &Transition, what: Option<&str>) -> Result<(), LabError> {
+        self.inner.stride(t, what)?;
+        if self.strides_left == 0 {
+            return Err(LabError::Interrupted {
+                path: self.inner.path().into(),
+            });
+        }
+        self.strides_left -= 1;
+        Ok(())
+    }
+    fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError> {
+        self.inner.map(iteration, map)
+    }
+    fn trial(&mut self, iteration: usize, trial: &TrialSummary) -> Result<(), LabError> {
+        self.inner.trial(iteration, trial)
+    }
+    fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError> {
+        self.inner.policy(iteration, policy)
+    }
+    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError> {
+        self.inner.poses(what, recording)
+    }
+    fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError> {
+        self.inner.checkpoint(phase, progress)
+    }
+}
+
+fn never() -> Arc<AtomicBool> {
+    Arc::new(AtomicBool::new(false))
+}
+
+fn create(path: &Path, loaded: &LoadedTask, seed: u64) -> Result<RunDirectory, LabError> {
+    let record = Provenance::begin(&loaded.task, seed, None, "test".into()).unwrap();
+    RunDirectory::create(
+        path,
+        &loaded.task,
+        &loaded.resolved,
+        &record,
+        never(),
+        Box::new(NoWatcher),
+    )
+}
+
+fn learn(path: &Path, loaded: &LoadedTask, seed: u64) {
+    let mut directory = create(path, loaded, seed).unwrap();
+    let mut algorithm = Algorithm::new(&loaded.task, seed).unwrap();
+    algorithm.learn(&mut directory).unwrap();
+    directory.write_summary(&algorithm.progress).unwrap();
+}
+
+/// Everything that must not depend on when or in how many pieces a run was made: all files but the
+/// times.
+fn contents(path: &Path) -> Vec<(String, String)> {
+    let mut files = Vec::new();
+    let mut dirs = vec![path.to_path_buf()];
+    while let Some(dir) = dirs.pop() {
+        for entry in std::fs::read_dir(dir).unwrap() {
+            let entry = entry.unwrap().path();
+            if entry.is_dir() {
+                dirs.push(entry);
+                continue;
+            }
+            let name = entry.strip_prefix(path).unwrap().display().to_string();
+            let text = std::fs::read_to_string(&entry).unwrap();
+            match name.as_str() {
+                "events.ndjson" | "provenance.json" | "checkpoint.json" => {}
+                "summary.json" => {
+                    let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+                    value.as_object_mut().unwrap().remove("seconds").unwrap();
+                    files.push((name, value.to_string()));
+                }
+                _ => files.push((name, text)),
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// Compares file by file, so that a failure names the file and does not print them all.
+fn assert_same(a: &Path, b: &Path, when: &str) {
+    let (a, b) = (contents(a), contents(b));
+    let names = |files: &[(String, String)]| -> Vec<String> {
+        files.iter().map(|(name, _)| name.clone()).collect()
+    };
+    assert_eq!(names(&a), names(&b), "{when}");
+    for ((name, left), (_, right)) in a.iter().zip(&b) {
+        let line = left.lines().zip(right.lines()).position(|(l, r)| l != r);
+        assert!(
+            left == right,
+            "{when}: {name} differs, first in line {line:?}"
+        );
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
+    let dir = tempfile::tempdir().unwrap();
+    let loaded = short();
+    let [a, b, c] = ["a", "b", "c"].map(|name| dir.path().join(name));
+    learn(&a, &loaded, 3);
+    learn(&b, &loaded, 3);
+    learn(&c, &loaded, 4);
+    let names: Vec<String> = contents(&a).into_iter().map(|(name, _)| name).collect();
+    for wanted in [
+        "transitions.csv",
+        "record.csv",
+        "map/2.json",
+        "policy/final.json",
+        "poses/final.json",
+    ] {
+        assert!(
+            names.iter().any(|n| n == wanted),
+            "{wanted} is missing in {names:?}"
+        );
+    }
+    assert_same(&a, &b, "the same seed twice");
+    assert!(contents(&a) != contents(&c));
+}
+
+#[test]
+fn a_run_that_was_cut_anywhere_ends_like_an_unbroken_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let loaded = short();
+    let whole = dir.path().join("whole");
+    learn(&whole, &loaded, 5);
+    // In the nominal gait, the first batch, the first evaluation, the second batch, the final record.
+    for strides in [1, 6, 12, 19, 30] {
+        let path = dir.path().join(format!("cut-{strides}"));
+        let mut directory = create(&path, &loaded, 5).unwrap();
+        let mut algorithm = Algorithm::new(&loaded.task, 5).unwrap();
+        let cut = algorithm.learn(&mut Cut {
+            inner: &mut directory,
+            strides_left: strides,
+        });
+        assert!(
+            matches!(cut, Err(LabError::Interrupted { .. })),
+            "{strides}"
+        );
+        drop(directory);
+
+        let open = FinishedRun::open(&path, &[]).unwrap();
+        let (mut directory, progress) =
+            RunDirectory::resume(&path, &open.task, 5, never(), Box::new(NoWatcher)).unwrap();
+        let mut algorithm = Algorithm::resume(&open.task, 5, progress).unwrap();
+        algorithm.learn(&mut directory).unwrap();
+        directory.write_summary(&algorithm.progress).unwrap();
+        assert_same(&path, &whole, &format!("cut after {strides} strides"));
+    }
+}
+
+#[test]
+fn a_directory_that_holds_something_is_refused_and_left_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let loaded = short();
+    let run = dir.path().join("run");
+    drop(create(&run, &loaded, 1).unwrap());
+    let before = contents(&run);
+    let error = create(&run, &loaded, 1).err().unwrap();
+    assert!(
+        error.is_request() && error.to_string().contains("--resume"),
+        "{error}"
+    );
+    assert!(contents(&run) == before);
+
+    let other = dir.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    std::fs::write(other.join("thesis.tex"), "precious").unwrap();
+    let error = create(&other, &loaded, 1).err().unwrap();
+    assert!(error.to_string().contains("not empty"), "{error}");
+    assert!(
+        FinishedRun::open(&other, &[])
+            .err()
+            .unwrap()
+            .to_string()
+            .contains("holds no run")
+    );
+}
+
+#[test]
+fn a_damaged_checkpoint_is_named_and_nothing_is_lost() {
+    let dir = tempfile::tempdir().unwrap();
+    let loaded = short();
+    let run = dir.path().join("run");
+    learn(&run, &loaded, 2);
+    let transitions = std::fs::read_to_string(run.join("transitions.csv")).unwrap();
+    std::fs::write(run.join("checkpoint.json"), "{\"format\": 1, ").unwrap();
+    let error = FinishedRun::open(&run, &[]).err().unwrap().to_string();
+    assert!(
+        error.contains("checkpoint.json:1") && error.contains("damaged"),
+        "{error}"
+    );
+    assert_eq!(
+        std::fs::read_to_string(run.join("transitions.csv")).unwrap(),
+        transitions
+    );
+}
