@@ -141,6 +141,14 @@ pub enum Command {
         /// Goes on with a run that was stopped or killed; it ends as if it had never been.
         #[arg(long, value_name = "RUN", conflicts_with_all = ["task", "out", "seeds"])]
         resume: Option<PathBuf>,
+        /// Another learner than the task's: actor-critic or search in the map; without a map constant,
+        /// linear, bayes-opt or cma-es.
+        #[arg(long, conflicts_with = "resume")]
+        learner: Option<String>,
+        /// Collects strides until the map's one-step prediction error at the next section (its largest
+        /// component, relative to the spread of the data) is under this.
+        #[arg(long, value_name = "X", conflicts_with = "resume")]
+        until_error: Option<f64>,
         /// Runs this many seeds, SEED, SEED+1, ..., in parallel, and sums them up.
         #[arg(long)]
         seeds: Option<u64>,

@@ -35,11 +35,23 @@ fn run(command: Command) -> Result<(), Failure> {
             task,
             out,
             resume,
+            learner,
+            until_error,
             seeds,
-            common,
+            mut common,
         } => match (resume, task) {
             (Some(run), _) => commands::learn::resume(&run, &common),
-            (None, Some(task)) => commands::learn::learn(&task, out.as_deref(), seeds, &common),
+            (None, Some(task)) => {
+                // Both are values of the task, so that the run keeps them.
+                if let Some(learner) = learner {
+                    let kind = learner.replace('-', "_");
+                    common.sets.push(format!("learner.kind={kind}"));
+                }
+                if let Some(error) = until_error {
+                    common.sets.push(format!("collect.until_error={error}"));
+                }
+                commands::learn::learn(&task, out.as_deref(), seeds, &common)
+            }
             (None, None) => Err(Failure::request("learn needs a task or --resume RUN")),
         },
         Command::Collect {

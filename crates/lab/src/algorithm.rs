@@ -14,17 +14,21 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{ActorCritic, ConstantPolicy, Learner, SavedPolicy, TrialSummary};
-use stridemap_returnmap::{LearnedMap, MapSample, MapWorld, StateReward, StrideEnd, StrideProcess};
+use stridemap_returnmap::{
+    LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess,
+};
 
 use crate::error::LabError;
-use crate::plant::{Plant, PlantCounters};
+use crate::plant::{InPlace, Plant, PlantCounters};
 use crate::poses::{PoseRecorder, Recording};
-use crate::reward::reward_of_state;
+use crate::proof::Proof;
+use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
 use crate::strides::{
-    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
+    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive, make_strides,
 };
-use crate::task::{LearnerKind, Task};
+use crate::task::Task;
+use crate::walk::{Walk, Walker};
 
 /// Time between recorded poses: smooth to the eye, small on disk.
 const FRAME_PERIOD_S: f64 = 0.02;
@@ -57,6 +61,16 @@ pub struct Iteration {
     pub log_marginal_likelihood: Vec<f64>,
     /// The policy as evaluated on the robot to choose; `None` without evaluation strides.
     pub evaluation: Option<Performance>,
+    /// How the robot stepped in place at the start of this iteration's batch; with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub in_place: Option<InPlace>,
+    /// Spread of what the map of this iteration cannot predict of the pitch rate (leave one out; by
+    /// the median, because strides before a fall are not what is usual); with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch_rate_residual_deg_s: Option<f64>,
+    /// What became of the policy on the robot; with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<Proof>,
     /// The policy as measured on the robot to report.
     pub record: Option<Performance>,
 }
@@ -83,10 +97,20 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Index of the best policy: the best evaluated one, the earlier of equals; without evaluations
-    /// the last. `None` before the first improvement.
+    /// What became of each policy, in their order; empty without caution.
+    #[must_use]
+    pub fn proofs(&self) -> Vec<&Proof> {
+        let proofs = self.iterations.iter().map_while(|i| i.proof.as_ref());
+        proofs.take(self.policies.len()).collect()
+    }
+
+    /// Index of the best policy: the fastest proven one; without proofs the best evaluated one, the
+    /// earlier of equals; without evaluations the last. `None` before the first improvement.
     #[must_use]
     pub fn best(&self) -> Option<usize> {
+        if let Some(chosen) = Proof::choice(&self.proofs()) {
+            return Some(chosen);
+        }
         let evaluated = self.policies.iter().enumerate().filter_map(|(i, _)| {
             let performance = self.iterations.get(i)?.evaluation?;
             Some((i, performance.mean_reward))
@@ -203,9 +227,9 @@ pub enum Phase {
 
 /// A run of Algorithm 1: a task, a robot and what has been achieved so far.
 pub struct Algorithm<'a> {
-    task: &'a Task,
-    seed: u64,
-    plant: Plant,
+    pub(crate) task: &'a Task,
+    pub(crate) seed: u64,
+    pub(crate) plant: Plant,
     /// What has been achieved so far.
     pub progress: Progress,
 }
@@ -283,8 +307,11 @@ impl<'a> Algorithm<'a> {
         loop {
             let (begun, improved) = (self.progress.iterations.len(), self.progress.policies.len());
             let last = self.progress.iterations.last();
-            let evaluates = self.task.algorithm.evaluation_strides > 0;
-            if improved < begun {
+            let evaluates =
+                self.task.algorithm.evaluation_strides > 0 || self.task.caution.is_some();
+            if improved < begun && !self.task.learner.kind.uses_map() {
+                self.improve_on(None, recorder)?;
+            } else if improved < begun {
                 let map = self.fit(recorder)?;
                 self.improve(&map, recorder)?;
             } else if evaluates && last.is_some_and(|i| i.evaluation.is_none()) {
@@ -308,6 +335,14 @@ impl<'a> Algorithm<'a> {
         let progress = &self.progress;
         let done = progress.iterations.len();
         if done >= self.task.algorithm.iterations {
+            return true;
+        }
+        let trial = self
+            .task
+            .caution
+            .as_ref()
+            .map_or(1, |c| c.proof.trial_strides);
+        if done > 0 && self.strides_left() < trial {
             return true;
         }
         let Some(least) = self.task.algorithm.stop_below_improvement else {
@@ -370,16 +405,33 @@ impl<'a> Algorithm<'a> {
             iteration: index + 1,
             phase: StridePhase::Collect,
             role: StrideRole::Training,
-            strides: counts.get(index).or(counts.last()).copied().unwrap_or(0),
+            strides: if self.task.learner.kind.explores() {
+                counts.get(index).or(counts.last()).copied().unwrap_or(0)
+            } else {
+                0
+            },
         };
         let policy = self.progress.best_policy().cloned();
-        let (transitions, counted) = self.strides_on_robot(
-            policy.as_ref(),
-            batch,
-            None,
-            (Role::Collect, index as u64),
-            recorder,
-        )?;
+        let (transitions, mut counted) =
+            if let (Some(caution), None) = (&self.task.caution, &policy) {
+                self.explore_under_guard(caution, batch, recorder)?
+            } else {
+                self.strides_on_robot(
+                    policy.as_ref(),
+                    batch,
+                    None,
+                    (Role::Collect, index as u64),
+                    recorder,
+                )?
+            };
+        if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
+            // Nothing was explored, but thresholds need to know how the robot steps in place.
+            let before = self.plant.counters();
+            self.plant
+                .reset(&mut stream(self.seed, Role::Collect, index as u64))?;
+            counted = self.plant.counters().since(before);
+        }
+        let cautious = self.task.caution.is_some() && self.plant.in_place().sections > 0;
         self.progress.transitions.extend(transitions);
         self.progress.iterations.push(Iteration {
             iteration: index + 1,
@@ -387,6 +439,7 @@ impl<'a> Algorithm<'a> {
             falls: counted.falls,
             stalls: counted.stalls,
             warm_up: counted.warm_up,
+            in_place: cautious.then(|| self.plant.in_place()),
             ..Iteration::default()
         });
         recorder.checkpoint(Phase::Collect, &self.progress)
@@ -404,6 +457,17 @@ impl<'a> Algorithm<'a> {
         self.progress.seconds.fit += started.elapsed().as_secs_f64();
         if let Some(last) = self.progress.iterations.last_mut() {
             last.log_marginal_likelihood = map.log_marginal_likelihoods();
+            let pitch_rate = self
+                .task
+                .state
+                .iter()
+                .position(|c| *c == StateComponent::PsiPitchRateDegS)
+                .filter(|_| self.task.caution.is_some());
+            if let Some(i) = pitch_rate {
+                let scores = map.outputs()[i].leave_one_out();
+                let residuals = scores.map_err(ProcessError::from)?.residuals;
+                last.pitch_rate_residual_deg_s = Some(robust_std(&residuals));
+            }
         }
         recorder.map(iteration, &map)?;
         Ok(map)
@@ -419,32 +483,53 @@ impl<'a> Algorithm<'a> {
         map: &LearnedMap,
         recorder: &mut dyn Recorder,
     ) -> Result<(), LabError> {
+        self.improve_on(Some(map), recorder)
+    }
+
+    /// Step 4 in the map, or by a control that needs none.
+    fn improve_on(
+        &mut self,
+        map: Option<&LearnedMap>,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), LabError> {
         let iteration = self.progress.policies.len() + 1;
         let started = Instant::now();
-        let initial = if self.task.learner.warm_start {
-            self.progress.policies.last()
-        } else {
-            None
-        };
         let mut rng = stream(self.seed, Role::Improve, iteration as u64);
-        let mut process = map.clone();
         let mut written: Result<(), LabError> = Ok(());
-        let outcome = match self.task.learner.kind {
-            LearnerKind::ActorCritic => {
+        let mut observe = |trial: &TrialSummary| {
+            if written.is_ok() {
+                written = recorder.trial(iteration, trial);
+            }
+        };
+        let policy = match (&self.task.caution, map) {
+            (Some(caution), map) => self.propose(caution, map, &mut rng, &mut observe)?,
+            (None, Some(map)) => {
+                let initial = if self.task.learner.warm_start {
+                    self.progress.policies.last()
+                } else {
+                    None
+                };
                 let mut learner = ActorCritic {
                     config: self.task.learner.actor_critic.clone(),
                 };
-                learner.improve(&mut process, initial, &mut rng, &mut |report| {
-                    if written.is_ok() {
-                        written = recorder.trial(iteration, report.summary);
-                    }
-                })?
+                let mut process = map.clone();
+                learner
+                    .improve(&mut process, initial, &mut rng, &mut |report| {
+                        observe(report.summary);
+                    })?
+                    .policy
+            }
+            (None, None) => {
+                return Err(LabError::TooFewStrides {
+                    found: 0,
+                    needed: 1,
+                });
             }
         };
         written?;
         self.progress.seconds.improve += started.elapsed().as_secs_f64();
-        recorder.policy(iteration, &outcome.policy)?;
-        self.progress.policies.push(outcome.policy);
+        recorder.policy(iteration, &policy)?;
+        self.progress.policies.push(policy);
         recorder.checkpoint(Phase::Improve, &self.progress)
     }
 
@@ -455,6 +540,10 @@ impl<'a> Algorithm<'a> {
     /// As [`Self::learn`].
     pub fn evaluate(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         let config = &self.task.algorithm;
+        if let Some(caution) = &self.task.caution {
+            self.prove(caution, recorder)?;
+            return recorder.checkpoint(Phase::Evaluate, &self.progress);
+        }
         let Some(policy) = self.progress.policies.last().cloned() else {
             return Ok(());
         };
@@ -513,20 +602,56 @@ impl<'a> Algorithm<'a> {
             self.plant.observe(Some(Box::new(observer)));
             recording
         });
-        let result = self.strides_on_robot(
-            Some(policy),
-            batch,
-            Some(what),
-            (Role::Record, stream_index),
-            recorder,
-        );
+        let result = match self.task.record.walk_s {
+            Some(seconds) => {
+                self.walk_on_robot(policy, batch, (what, seconds), stream_index, recorder)
+            }
+            None => self
+                .strides_on_robot(
+                    Some(policy),
+                    batch,
+                    Some(what),
+                    (Role::Record, stream_index),
+                    recorder,
+                )
+                .map(|(transitions, _)| transitions),
+        };
         self.plant.observe(None);
-        let (transitions, _) = result?;
+        let transitions = result?;
         if let Some(recording) = recording.and_then(|r| Arc::into_inner(r)?.into_inner().ok()) {
             recorder.poses(what, &recording)?;
         }
-        self.progress.record_strides += batch.strides;
-        Ok(Performance::of(&transitions, discard))
+        self.progress.record_strides += transitions.len();
+        let walk_s = self.task.record.walk_s;
+        Ok(Performance {
+            walk: walk_s.map(|seconds| Walk::of(&transitions, seconds)),
+            ..Performance::of(&transitions, discard)
+        })
+    }
+
+    /// Walks a policy's mean from stepping on the spot, for some time or to the fall.
+    fn walk_on_robot(
+        &mut self,
+        policy: &SavedPolicy,
+        batch: Batch,
+        (what, seconds): (&str, f64),
+        stream_index: u64,
+        recorder: &mut dyn Recorder,
+    ) -> Result<Vec<Transition>, LabError> {
+        let started = Instant::now();
+        let transitions = drive(
+            &mut self.plant,
+            &mut Walker::new(policy, seconds),
+            Batch {
+                strides: usize::MAX, // time ends it
+                ..batch
+            },
+            &mut stream(self.seed, Role::Record, stream_index),
+            &mut |_, _| {},
+            &mut |t| recorder.stride(t, Some(what)),
+        );
+        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+        transitions
     }
 
     fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
@@ -561,6 +686,18 @@ impl<'a> Algorithm<'a> {
         self.progress.final_performance = Some(performance);
         recorder.checkpoint(Phase::Final, &self.progress)
     }
+}
+
+/// Standard deviation of residuals by their median magnitude, as if they were normal: a few large ones
+/// do not count.
+fn robust_std(residuals: &[f64]) -> f64 {
+    /// Of a normal distribution: standard deviation over median magnitude.
+    const NORMAL: f64 = 1.482_602_218_505_602;
+    let mut magnitudes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+    magnitudes.sort_by(f64::total_cmp);
+    magnitudes
+        .get(residuals.len() / 2)
+        .map_or(0.0, |m| NORMAL * m)
 }
 
 /// Fits the map of a task to strides: those with the training role that reached the next section.

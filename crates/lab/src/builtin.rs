@@ -9,7 +9,7 @@ use crate::error::{Invalid, LabError};
 use crate::task::Task;
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 3] = [
+pub const TASKS: [(&str, &str); 6] = [
     (
         "stepping",
         include_str!("../../../experiments/stepping.toml"),
@@ -17,6 +17,15 @@ pub const TASKS: [(&str, &str); 3] = [
     (
         "stepping-paper",
         include_str!("../../../experiments/stepping-paper.toml"),
+    ),
+    ("walking", include_str!("../../../experiments/walking.toml")),
+    (
+        "walking-single",
+        include_str!("../../../experiments/walking-single.toml"),
+    ),
+    (
+        "walking-paper",
+        include_str!("../../../experiments/walking-paper.toml"),
     ),
     (
         "small-stepping",

@@ -15,6 +15,8 @@ use crate::task::{ExploreConfig, Task};
 const NOMINAL_S: f64 = 20.0;
 /// Strides with random actions to see whether the action moves the map.
 const EXCITED_STRIDES: usize = 40;
+/// ... or so many for each component of the action, if that is more.
+const STRIDES_PER_ACTION: usize = 20;
 /// Share of an action's bounds, about its neutral value, over which it is excited.
 const EXCITED_SHARE: f64 = 0.25;
 
@@ -234,13 +236,19 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
             })
             .collect(),
         std: vec![0.0; limits.len()],
-        hold: 1,
+        // Actions of limited rate need some strides to get anywhere.
+        hold: if limits.iter().any(|l| l.rate_per_stride.is_finite()) {
+            4
+        } else {
+            1
+        },
     };
+    let excited_strides = EXCITED_STRIDES.max(STRIDES_PER_ACTION * limits.len());
     let batch = Batch {
         iteration: 0,
         phase: StridePhase::Record,
         role: StrideRole::Record,
-        strides: EXCITED_STRIDES,
+        strides: excited_strides,
     };
     let mut rng = stream(seed, Role::Check, 2);
     let transitions = make_strides(
@@ -265,7 +273,7 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
         report.item(
             "section map",
             false,
-            format!("{falls} falls in {EXCITED_STRIDES} strides"),
+            format!("{falls} falls in {excited_strides} strides"),
         );
         return Ok(());
     }
@@ -306,7 +314,7 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
         .map(|(action, _)| action.modulates.as_str())
         .collect();
     let found = if weak.is_empty() {
-        format!("every action moves the next state; {falls} falls in {EXCITED_STRIDES} strides")
+        format!("every action moves the next state; {falls} falls in {excited_strides} strides")
     } else {
         format!(
             "no effect seen of {}; widen the bounds or choose another",

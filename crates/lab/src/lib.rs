@@ -17,13 +17,22 @@
 
 mod algorithm;
 pub mod builtin;
+mod careful;
+mod caution;
 mod check;
 mod compare;
 pub mod config;
+mod controls;
 mod error;
+mod feedback;
+mod guard;
+mod guarded;
+mod learners;
 mod measure;
+mod pessimism;
 mod plant;
 mod poses;
+mod proof;
 mod provenance;
 mod push;
 mod reward;
@@ -33,29 +42,43 @@ pub mod seed;
 mod steering;
 mod strides;
 mod task;
+mod trust;
+mod walk;
 
 pub use algorithm::{
     Algorithm, Iteration, NoRecorder, Phase, Progress, Recorder, Seconds, fit_map,
 };
+pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{
     ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, compare_seed, learning_curves, students_t,
 };
+pub use controls::ControlsConfig;
 pub use error::{Invalid, LabError};
+pub use feedback::{JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
+pub use guard::{Guard, GuardConfig, GuardThresholds, Warning};
+pub use guarded::GuardedExplorer;
+pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use measure::{StrideMeasures, StrideMeter};
+pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{
-    FailureConfig, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver,
+    FailureConfig, InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver,
+    TickObserver,
 };
 pub use poses::{PoseRecorder, Recording};
+pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
 pub use robots::RobotChoice;
 pub use steering::{Steered, can_steer, steer};
 pub use strides::{
-    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, make_strides,
+    Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,
+    make_strides,
 };
 pub use task::{
     ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, LearnerKind,
-    RecordConfig, SuccessConfig, Task,
+    RecordConfig, SearchSettings, SuccessConfig, Task,
 };
+pub use trust::{Region, TrustConfig};
+pub use walk::{Walk, Walker};

@@ -6,6 +6,8 @@ use stridemap_section::Pendulum;
 
 /// Gravity, for the cost of transport.
 const GRAVITY_M_S2: f64 = 9.81;
+/// Ways under this count as this in the cost of transport.
+const LEAST_WAY_M: f64 = 0.01;
 
 /// What is measured of one stride.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -16,6 +18,8 @@ pub struct StrideMeasures {
     pub forward_m: f64,
     /// Way of the centre of mass to the left of the episode's first heading.
     pub left_m: f64,
+    /// Way of the centre of mass along the heading with which the stride began.
+    pub ahead_m: f64,
     /// Change of heading, + to the left.
     pub turn_deg: f64,
     /// `ψ_roll` at the section that ends the stride, mirrored.
@@ -32,23 +36,21 @@ pub struct StrideMeasures {
     pub peak_foot_load_n: f64,
     /// Root mean square of the difference between joint angles and the rest posture.
     pub posture_deviation_deg: f64,
+    /// Energy over weight and the way ahead; ways under a centimetre count as one, because in place
+    /// it would be infinite.
+    pub cost_of_transport: f64,
 }
 
 impl StrideMeasures {
-    /// Forward speed of the stride.
+    /// Speed of the stride along the heading with which it began, so that a robot that has turned is
+    /// not called slow.
     #[must_use]
     pub fn speed_m_s(&self) -> f64 {
         if self.duration_s > 0.0 {
-            self.forward_m / self.duration_s
+            self.ahead_m / self.duration_s
         } else {
             0.0
         }
-    }
-
-    /// Energy over weight and forward way; infinite in place.
-    #[must_use]
-    pub fn cost_of_transport(&self, mass_kg: f64) -> f64 {
-        self.energy_j / (mass_kg * GRAVITY_M_S2 * self.forward_m.abs())
     }
 }
 
@@ -56,6 +58,7 @@ impl StrideMeasures {
 #[derive(Clone, Debug)]
 pub struct StrideMeter {
     rest: JointTargets,
+    mass_kg: f64,
     first_heading_rad: f64,
     start: Instant,
     pitch_rate_integral_deg: f64,
@@ -84,11 +87,12 @@ impl Instant {
 }
 
 impl StrideMeter {
-    /// A meter for a robot that rests in `rest`.
+    /// A meter for a robot of this mass that rests in `rest`.
     #[must_use]
-    pub fn new(rest: JointTargets) -> Self {
+    pub fn new(rest: JointTargets, mass_kg: f64) -> Self {
         Self {
             rest,
+            mass_kg,
             first_heading_rad: 0.0,
             start: Instant::default(),
             pitch_rate_integral_deg: 0.0,
@@ -110,7 +114,7 @@ impl StrideMeter {
         *self = Self {
             first_heading_rad: self.first_heading_rad,
             start: Instant::of(state),
-            ..Self::new(self.rest)
+            ..Self::new(self.rest, self.mass_kg)
         };
     }
 
@@ -142,6 +146,8 @@ impl StrideMeter {
             now.com_m[1] - self.start.com_m[1],
         ];
         let (sin, cos) = self.first_heading_rad.sin_cos();
+        let (sin_now, cos_now) = self.start.heading_rad.sin_cos();
+        let ahead_m = cos_now * dx + sin_now * dy;
         let turn_rad = now.heading_rad - self.start.heading_rad;
         let half_turn = std::f64::consts::PI;
         let turn_rad = (turn_rad + half_turn).rem_euclid(2.0 * half_turn) - half_turn;
@@ -156,6 +162,7 @@ impl StrideMeter {
             duration_s: now.time_s - self.start.time_s,
             forward_m: cos * dx + sin * dy,
             left_m: cos * dy - sin * dx,
+            ahead_m,
             turn_deg: turn_rad.to_degrees(),
             psi_roll_deg: at_end.map_or(0.0, |p| p.roll_rad.to_degrees()),
             psi_pitch_deg: at_end.map_or(0.0, |p| p.pitch_rad.to_degrees()),
@@ -166,6 +173,8 @@ impl StrideMeter {
             posture_deviation_deg: per_elapsed(self.deviation_square_integral_rad2_s)
                 .sqrt()
                 .to_degrees(),
+            cost_of_transport: self.energy_j
+                / (self.mass_kg * GRAVITY_M_S2 * ahead_m.abs().max(LEAST_WAY_M)),
         }
     }
 }

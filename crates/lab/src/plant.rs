@@ -28,12 +28,20 @@ pub struct FailureConfig {
     pub reward: f64,
     /// A section with `ψ_roll` below this is a fall (the mass hangs over the outer side).
     pub psi_roll_below_deg: f64,
+    /// Whether `psi_roll_below_deg` counts from the robot's own mean `ψ_roll` when it steps in place
+    /// (over its warm-up strides), so that it means the same on a heavier robot.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub psi_roll_relative: bool,
     /// A centre of mass below this share of its first height is a fall.
     pub com_height_below: f64,
     /// A base tilted by more than this is a fall.
     pub tilt_above_deg: f64,
     /// No section for this long is a stall.
     pub no_section_s: f64,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// One modulation of the gait as a component of the action.
@@ -88,6 +96,33 @@ impl PlantCounters {
     }
 }
 
+/// How the robot steps in place, from the warm-up strides of its last start: what thresholds are
+/// relative to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct InPlace {
+    /// Sections seen after the gait's start-up.
+    pub sections: usize,
+    /// Mean `ψ_roll` over them.
+    pub psi_roll_deg: f64,
+    /// Mean change of `ψ̇_pitch` from one of them to the next, in magnitude.
+    pub pitch_rate_change_deg_s: f64,
+}
+
+impl InPlace {
+    /// The mean over sections with these `(ψ_roll, ψ̇_pitch)`, in degrees and degrees per second.
+    #[must_use]
+    pub fn of(sections: &[(f64, f64)]) -> Self {
+        let n = sections.len();
+        let psi_roll_deg = sections.iter().map(|(psi, _)| psi).sum::<f64>() / n.max(1) as f64;
+        let changes = sections.windows(2).map(|w| (w[1].1 - w[0].1).abs());
+        Self {
+            sections: n,
+            psi_roll_deg,
+            pitch_rate_change_deg_s: changes.sum::<f64>() / n.saturating_sub(1).max(1) as f64,
+        }
+    }
+}
+
 /// A disturbance: a force on the torso for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Push {
@@ -130,6 +165,7 @@ pub struct Plant {
     counters: PlantCounters,
     at_section: bool,
     first_com_height_m: f64,
+    in_place: InPlace,
     last_measures: StrideMeasures,
     pending_push: Option<Push>,
     push_until_s: Option<f64>,
@@ -164,7 +200,7 @@ impl Plant {
     ) -> Result<Self, LabError> {
         let detector = SectionDetector::new(task.section)?;
         let law = ActionLaw::new(task.action.iter().map(|a| a.limits).collect())?;
-        let meter = StrideMeter::new(gait.rest());
+        let meter = StrideMeter::new(gait.rest(), robot.description().mass_kg);
         Ok(Self {
             robot,
             gait,
@@ -176,6 +212,7 @@ impl Plant {
             counters: PlantCounters::default(),
             at_section: false,
             first_com_height_m: 0.0,
+            in_place: InPlace::default(),
             last_measures: StrideMeasures::default(),
             pending_push: None,
             push_until_s: None,
@@ -197,6 +234,24 @@ impl Plant {
     #[must_use]
     pub const fn last_measures(&self) -> &StrideMeasures {
         &self.last_measures
+    }
+
+    /// How the robot stepped in place at its last start.
+    #[must_use]
+    pub const fn in_place(&self) -> InPlace {
+        self.in_place
+    }
+
+    /// `ψ_roll` at a section below which the robot counts as fallen; none while a relative threshold
+    /// has nothing to be relative to.
+    #[must_use]
+    pub fn least_psi_roll_deg(&self) -> f64 {
+        let failure = &self.task.failure;
+        match (failure.psi_roll_relative, self.in_place.sections) {
+            (false, _) => failure.psi_roll_below_deg,
+            (true, 0) => f64::NEG_INFINITY,
+            (true, _) => self.in_place.psi_roll_deg + failure.psi_roll_below_deg,
+        }
     }
 
     /// Why the last stride was aborted, if it was.
@@ -314,7 +369,7 @@ impl Plant {
             }
             if let Some(crossing) = crossing {
                 let roll_deg = crossing.pendulum.roll_rad.to_degrees();
-                return Ok(if roll_deg < self.task.failure.psi_roll_below_deg {
+                return Ok(if roll_deg < self.least_psi_roll_deg() {
                     Outcome::Fell
                 } else {
                     Outcome::Crossing(crossing)
@@ -353,6 +408,8 @@ impl Plant {
         let rest = self.gait.rest();
         self.first_com_height_m = self.robot.reset(&rest, rng)?.com.position_m[2];
         self.meter.begin_episode(self.robot.state());
+        self.in_place = InPlace::default();
+        let mut sections = Vec::new();
         let mut strides_since_start_up = 0;
         loop {
             match self.run_to_section()? {
@@ -361,10 +418,13 @@ impl Plant {
                     if self.robot_time_s() < self.gait.start_up_s() {
                         continue;
                     }
+                    let p = &crossing.pendulum;
+                    sections.push((p.roll_rad.to_degrees(), p.pitch_rate_rad_s.to_degrees()));
                     if strides_since_start_up < self.task.warm_up_strides {
                         strides_since_start_up += 1;
                         continue;
                     }
+                    self.in_place = InPlace::of(&sections);
                     self.meter.begin_episode(self.robot.state());
                     let measures = self
                         .meter

@@ -48,10 +48,12 @@ pub enum RewardQuantity {
     PsiPitchRateDegS,
     /// `(1/T) ∫ ψ̇_pitch dt` over the stride, deg/s \[MA09, eq. (31)\].
     MeanPsiPitchRateDegS,
-    /// Forward speed over the stride, m/s.
+    /// Speed over the stride along the heading with which it began, m/s.
     SpeedMS,
     /// `Σ ∫ |τ ω| dt` over the stride, J; give it a negative weight.
     EnergyJ,
+    /// Energy over weight and way, dimensionless; give it a negative weight.
+    CostOfTransport,
     /// Largest vertical force on one foot, N; give it a negative weight.
     PeakFootLoadN,
     /// Root-mean-square deviation from the rest posture, deg; give it a negative weight.
@@ -101,6 +103,7 @@ impl RewardTerm {
             RewardQuantity::MeanPsiPitchRateDegS => measures.mean_psi_pitch_rate_deg_s,
             RewardQuantity::SpeedMS => measures.speed_m_s(),
             RewardQuantity::EnergyJ => measures.energy_j,
+            RewardQuantity::CostOfTransport => measures.cost_of_transport,
             RewardQuantity::PeakFootLoadN => measures.peak_foot_load_n,
             RewardQuantity::PostureDeviationDeg => measures.posture_deviation_deg,
             RewardQuantity::TurnDeg => measures.turn_deg.abs(),

@@ -30,6 +30,8 @@ pub enum Role {
     Compare = 8,
     /// Looking at a robot before anything is learned.
     Check = 9,
+    /// Generations of an evolution strategy on the robot.
+    RobotSearch = 10,
 }
 
 /// The random stream of one episode in one role.

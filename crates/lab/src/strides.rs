@@ -12,6 +12,7 @@ use crate::error::LabError;
 use crate::measure::StrideMeasures;
 use crate::plant::Plant;
 use crate::task::ExploreConfig;
+use crate::walk::Walk;
 
 /// Why a stride was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -106,22 +107,45 @@ pub enum ActionSource<'a> {
     Mean(&'a dyn Policy),
 }
 
+/// What the robot is to do after a stride.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// Go on.
+    Go,
+    /// End the batch here.
+    Stop,
+}
+
+/// Acts on the robot, stride by stride, and sees how each one ended.
+pub trait Act {
+    /// The action wanted at a state.
+    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action;
+
+    /// A stride ended (aborted ones are not shown). The batch ends when it is full, or when this says
+    /// so.
+    fn saw(&mut self, _transition: &Transition) -> Next {
+        Next::Go
+    }
+}
+
 /// Draws actions for one episode after another.
-struct Actor<'a> {
+pub(crate) struct Actor<'a> {
     source: &'a ActionSource<'a>,
     center: Vec<f64>,
     strides_at_center: usize,
 }
 
 impl<'a> Actor<'a> {
-    fn new(source: &'a ActionSource<'a>) -> Self {
+    pub(crate) fn new(source: &'a ActionSource<'a>) -> Self {
         Self {
             source,
             center: Vec::new(),
             strides_at_center: 0,
         }
     }
+}
 
+impl Act for Actor<'_> {
     fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
         let normal = |std: f64, rng: &mut ChaCha8Rng| {
             let z: f64 = StandardNormal.sample(rng);
@@ -189,8 +213,24 @@ pub fn make_strides(
     before: &mut dyn FnMut(&mut Plant, usize),
     observe: &mut dyn FnMut(&Transition) -> Result<(), LabError>,
 ) -> Result<Vec<Transition>, LabError> {
-    let mut transitions = Vec::with_capacity(batch.strides);
-    let mut actor = Actor::new(source);
+    drive(plant, &mut Actor::new(source), batch, rng, before, observe)
+}
+
+/// Makes strides as [`make_strides`] does, by an actor that sees how each one ended and may end the
+/// batch before it is full.
+///
+/// # Errors
+///
+/// As [`make_strides`].
+pub fn drive(
+    plant: &mut Plant,
+    actor: &mut dyn Act,
+    batch: Batch,
+    rng: &mut ChaCha8Rng,
+    before: &mut dyn FnMut(&mut Plant, usize),
+    observe: &mut dyn FnMut(&Transition) -> Result<(), LabError>,
+) -> Result<Vec<Transition>, LabError> {
+    let mut transitions = Vec::with_capacity(batch.strides.min(1024));
     let (mut episode, mut k, mut aborts) = (0, 0, 0);
     let mut state: Option<State> = None;
     while transitions.len() < batch.strides {
@@ -238,7 +278,11 @@ pub fn make_strides(
             }
         } else {
             aborts = 0;
+            let next = actor.saw(&transition);
             transitions.push(transition);
+            if next == Next::Stop {
+                break;
+            }
         }
     }
     Ok(transitions)
@@ -260,6 +304,9 @@ pub struct Performance {
     pub falls: usize,
     /// Stalls, likewise.
     pub stalls: usize,
+    /// Speed on the ground, where the task measures it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walk: Option<Walk>,
 }
 
 impl Performance {
@@ -299,6 +346,7 @@ impl Performance {
             ),
             falls: counted(StrideEnd::Fell),
             stalls: counted(StrideEnd::NoCrossing),
+            walk: None,
         }
     }
 }

@@ -10,7 +10,10 @@ use stridemap_returnmap::{
 use stridemap_robot::{Robot, Ros2Config};
 use stridemap_section::SectionConfig;
 
+use crate::caution::CautionConfig;
+use crate::controls::ControlsConfig;
 use crate::error::{Invalid, LabError};
+use crate::feedback::JacobianFeedbackConfig;
 use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
 use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
 use crate::strides::Performance;
@@ -69,8 +72,50 @@ pub struct CollectConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LearnerKind {
-    /// The paper's actor-critic.
+    /// The paper's actor-critic, in the map.
     ActorCritic,
+    /// A search in the map over constants, with feedback from the map's Jacobian.
+    Search,
+    /// Control without a map: every component at the bound of the trust region.
+    Constant,
+    /// Control without a map: the corner of the trust region by regression of the stride's reward.
+    Linear,
+    /// Control without a map: Bayesian optimisation of the speed on the robot.
+    BayesOpt,
+    /// Control without a map: CMA-ES on the robot.
+    CmaEs,
+}
+
+impl LearnerKind {
+    /// Whether it learns in a map of the robot.
+    #[must_use]
+    pub const fn uses_map(self) -> bool {
+        matches!(self, Self::ActorCritic | Self::Search)
+    }
+
+    /// Whether it begins with a batch of exploring strides; the searches on the robot try policies
+    /// from the first stride on.
+    #[must_use]
+    pub const fn explores(self) -> bool {
+        !matches!(self, Self::BayesOpt | Self::CmaEs)
+    }
+}
+
+/// The search in the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SearchSettings {
+    /// Generations of the evolution strategy.
+    pub generations: usize,
+    /// Episodes by which a candidate is judged.
+    pub episodes: usize,
+    /// Strides of an episode.
+    pub strides_per_episode: usize,
+    /// First strides of an episode that do not count: the way to the candidate.
+    pub unscored_strides: usize,
+    /// Feedback about the constants found; left out: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feedback: Option<JacobianFeedbackConfig>,
 }
 
 /// Step 4 of Algorithm 1: the learner.
@@ -81,8 +126,17 @@ pub struct LearnerConfig {
     pub kind: LearnerKind,
     /// Whether each iteration starts from the policy before it instead of from scratch.
     pub warm_start: bool,
+    /// Trials in the map from the second iteration on; left out: as many as in the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub later_trials: Option<usize>,
     /// Parameters of the actor-critic.
     pub actor_critic: ActorCriticConfig,
+    /// Parameters of the search in the map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchSettings>,
+    /// Parameters of the controls that search on the robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controls: Option<ControlsConfig>,
 }
 
 /// Algorithm 1 itself.
@@ -102,6 +156,10 @@ pub struct AlgorithmConfig {
     /// iterations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop_below_improvement: Option<f64>,
+    /// Most training and evaluation strides; an iteration that cannot make its trial is not begun.
+    /// Left out: as many as the iterations make.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strides_at_most: Option<usize>,
 }
 
 /// Strides run only to report.
@@ -114,6 +172,10 @@ pub struct RecordConfig {
     pub iteration_strides: usize,
     /// First strides that are not averaged.
     pub discard: usize,
+    /// Measures policies by walking this long from stepping on the spot, instead of by a number of
+    /// strides; left out: by strides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walk_s: Option<f64>,
     /// Seconds of motion recorded of the nominal gait and of the final policy, to be looked at.
     pub pose_seconds: f64,
 }
@@ -128,6 +190,10 @@ pub struct SuccessConfig {
     /// where the reward has no target.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psi_roll_within_deg: Option<f64>,
+    /// Least speed on the ground of the final policy, upright to the end; left out where it is not
+    /// measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_m_s_at_least: Option<f64>,
     /// Most falls on the robot while learning.
     pub falls_at_most: usize,
     /// Most training and evaluation strides.
@@ -165,6 +231,9 @@ pub struct Task {
     pub map: MapConfig,
     /// The learner.
     pub learner: LearnerConfig,
+    /// What keeps the robot off its cliff; left out: nothing, as in the paper.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub caution: Option<CautionConfig>,
     /// The loop.
     pub algorithm: AlgorithmConfig,
     /// Strides run only to report.
@@ -188,8 +257,16 @@ impl Task {
             (Some(within), Some(target)) => (measured.mean_psi_roll_deg - target).abs() <= within,
             _ => true,
         };
+        let fast = match (s.speed_m_s_at_least, measured.walk, self.record.walk_s) {
+            (Some(least), Some(walk), Some(seconds)) => {
+                walk.speed_m_s >= least && walk.upright_s >= seconds
+            }
+            (Some(_), _, _) => false,
+            (None, _, _) => true,
+        };
         measured.mean_reward >= s.mean_reward_at_least
             && on_target
+            && fast
             && measured.falls == 0
             && falls <= s.falls_at_most
             && strides <= s.strides_at_most
@@ -348,6 +425,17 @@ impl Task {
         if self.record.strides == 0 || self.record.iteration_strides == 0 {
             return invalid("record.strides".into(), "must be at least 1".into());
         }
+        if self
+            .record
+            .walk_s
+            .is_some_and(|s| !(1.0..=3600.0).contains(&s))
+        {
+            return invalid("record.walk_s".into(), "must be 1 to 3600 s".into());
+        }
+        if let Some(caution) = &self.caution {
+            caution.validate(m)?;
+        }
+        self.validate_learner()?;
         if !(0.0..=600.0).contains(&self.record.pose_seconds) {
             return invalid(
                 "record.pose_seconds".into(),
@@ -357,6 +445,85 @@ impl Task {
         self.map.validate(n, m)?;
         self.learner.actor_critic.validate()?;
         Ok(())
+    }
+
+    /// The learner has what it needs.
+    fn validate_learner(&self) -> Result<(), LabError> {
+        let invalid = |key: &str, requirement: String| {
+            Err(LabError::Invalid(Invalid {
+                key: key.into(),
+                requirement,
+            }))
+        };
+        let kind = self.learner.kind;
+        if kind != LearnerKind::ActorCritic && self.caution.is_none() {
+            return invalid(
+                "learner.kind",
+                "this learner needs a [caution] section: the trust region in which it searches"
+                    .into(),
+            );
+        }
+        match kind {
+            LearnerKind::Search => {
+                let search = self.search()?;
+                if let Some(feedback) = &search.feedback
+                    && !self
+                        .action
+                        .iter()
+                        .any(|a| a.modulates == feedback.modulates)
+                {
+                    return invalid(
+                        "learner.search.feedback.modulates",
+                        format!("{:?} is not a component of the action", feedback.modulates),
+                    );
+                }
+                if search.unscored_strides >= search.strides_per_episode
+                    || search.generations == 0
+                    || search.episodes == 0
+                {
+                    return invalid(
+                        "learner.search",
+                        "needs generations, episodes, and unscored_strides < strides_per_episode"
+                            .into(),
+                    );
+                }
+            }
+            LearnerKind::BayesOpt | LearnerKind::CmaEs => {
+                if self.controls()?.population < 4 {
+                    return invalid("learner.controls.population", "must be at least 4".into());
+                }
+            }
+            LearnerKind::ActorCritic | LearnerKind::Constant | LearnerKind::Linear => {}
+        }
+        Ok(())
+    }
+
+    /// Parameters of the search in the map.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Invalid`] if the task has none.
+    pub fn search(&self) -> Result<&SearchSettings, LabError> {
+        self.learner.search.as_ref().ok_or_else(|| {
+            LabError::Invalid(Invalid {
+                key: "learner.search".into(),
+                requirement: "is needed by learner.kind = \"search\"".into(),
+            })
+        })
+    }
+
+    /// Parameters of the controls that search on the robot.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Invalid`] if the task has none.
+    pub fn controls(&self) -> Result<&ControlsConfig, LabError> {
+        self.learner.controls.as_ref().ok_or_else(|| {
+            LabError::Invalid(Invalid {
+                key: "learner.controls".into(),
+                requirement: "is needed by the searches on the robot".into(),
+            })
+        })
     }
 
     /// Builds the nominal gait.

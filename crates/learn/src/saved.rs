@@ -299,6 +299,12 @@ impl LinearPolicy {
         self.0.check().map(Self)
     }
 
+    /// Largest magnitude of the feedback, per component of the action; `f64::MAX` for no limit.
+    #[must_use]
+    pub fn limit(&self) -> &[f64] {
+        &self.0.limit
+    }
+
     /// K, one row per component of the action.
     #[must_use]
     pub fn gain(&self) -> &[Vec<f64>] {

@@ -56,6 +56,17 @@ pub struct MapWorld {
     pub reward: Option<StateReward>,
 }
 
+/// A prediction of one stride.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapPrediction {
+    /// Mean of each component of the next state.
+    pub means: State,
+    /// Variance of the latent function of each component, in its unit squared.
+    pub latent_variances: State,
+    /// Mean and latent variance of the reward, where the next state does not determine it.
+    pub reward: Option<(f64, f64)>,
+}
+
 /// The learned map as a [`StrideProcess`].
 #[derive(Clone)]
 pub struct LearnedMap {
@@ -181,6 +192,34 @@ impl LearnedMap {
             variances.push(p.latent_variance);
         }
         Ok((means, variances))
+    }
+
+    /// Predicts the next state and, where it has a Gaussian process of its own, the reward.
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError::Map`] for inputs that are not finite.
+    pub fn predict_all(
+        &self,
+        state: &[f64],
+        action: &[f64],
+        last_action: &[f64],
+    ) -> Result<MapPrediction, ProcessError> {
+        let (means, latent_variances) = self.predict(state, action, last_action)?;
+        let reward = match &self.reward {
+            None => None,
+            Some(gp) => {
+                let mut row = Vec::new();
+                self.config.input_row(state, action, last_action, &mut row);
+                let p = gp.predict(&row)?;
+                Some((p.mean, p.latent_variance))
+            }
+        };
+        Ok(MapPrediction {
+            means,
+            latent_variances,
+            reward,
+        })
     }
 
     /// What is kept of the map in a file.

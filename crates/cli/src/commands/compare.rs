@@ -191,6 +191,9 @@ pub fn compare(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> R
     if loaded.task.robot.estimated && can_steer(&loaded.task) {
         return controls(name, seeds, out, common);
     }
+    if loaded.task.caution.is_some() && seeds > 0 {
+        return super::learners::compare(&loaded.task, seeds, out, common);
+    }
     let (comparison, arms) = run_arms(name, seeds, common)?;
     let dir = out.map_or_else(
         || PathBuf::from("runs").join(format!("compare-{}-{}", comparison.experiment, common.seed)),

@@ -4,6 +4,7 @@ pub mod apply;
 pub mod bench;
 pub mod compare;
 pub mod learn;
+pub mod learners;
 pub mod report;
 pub mod reproduce;
 pub mod robot;

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::algorithm::{Progress, Seconds};
+use crate::proof::Proof;
 use crate::strides::{Performance, StrideRole};
 use crate::task::Task;
 
@@ -42,8 +43,14 @@ pub struct IterationSummary {
     pub success: bool,
     /// Of the evaluation strides, which choose; null without them.
     pub evaluated_mean_reward: Option<f64>,
-    /// Forward speed; null where the task does not measure it.
+    /// Forward speed of the policy measured to report; null where the task does not measure it.
     pub speed_m_s: Option<f64>,
+    /// Time upright of the policy measured to report; left out where the task does not measure it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upright_s: Option<f64>,
+    /// What became of the policy on the robot before; left out without caution.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<Proof>,
 }
 
 /// A measured policy.
@@ -62,11 +69,12 @@ pub struct Measured {
 
 impl From<Performance> for Measured {
     fn from(performance: Performance) -> Self {
+        let walk = performance.walk;
         Self {
             performance,
-            speed_m_s: None,
-            upright_s: None,
-            drift_m: None,
+            speed_m_s: walk.map(|w| w.speed_m_s),
+            upright_s: walk.map(|w| w.upright_s),
+            drift_m: walk.map(|w| w.drift_m),
         }
     }
 }
@@ -127,7 +135,9 @@ impl Summary {
                         .record
                         .is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),
                     evaluated_mean_reward: i.evaluation.map(|p| p.mean_reward),
-                    speed_m_s: None,
+                    speed_m_s: i.record.and_then(|p| p.walk).map(|w| w.speed_m_s),
+                    upright_s: i.record.and_then(|p| p.walk).map(|w| w.upright_s),
+                    proof: i.proof.clone(),
                 }
             })
             .collect();

@@ -10,7 +10,7 @@ use crate::measure::StrideMeasures;
 use crate::strides::{StridePhase, StrideRole, Transition};
 
 /// Names and values of the measures of a stride, in the order of their columns.
-fn measures(m: &StrideMeasures) -> [(&'static str, f64); 11] {
+fn measures(m: &StrideMeasures) -> [(&'static str, f64); 13] {
     [
         ("stride_duration_s", m.duration_s),
         ("stride_forward_m", m.forward_m),
@@ -26,6 +26,8 @@ fn measures(m: &StrideMeasures) -> [(&'static str, f64); 11] {
         ("stride_energy_j", m.energy_j),
         ("stride_peak_foot_load_n", m.peak_foot_load_n),
         ("stride_posture_deviation_deg", m.posture_deviation_deg),
+        ("stride_ahead_m", m.ahead_m),
+        ("stride_cost_of_transport", m.cost_of_transport),
     ]
 }
 
@@ -221,6 +223,8 @@ impl TransitionTable {
                     energy_j: optional("stride_energy_j")?,
                     peak_foot_load_n: optional("stride_peak_foot_load_n")?,
                     posture_deviation_deg: optional("stride_posture_deviation_deg")?,
+                    ahead_m: optional("stride_ahead_m")?,
+                    cost_of_transport: optional("stride_cost_of_transport")?,
                 },
             });
         }

@@ -1,0 +1,169 @@
+//! `compare` on a task with a trust region: the task's learner beside the controls without a map.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use stridemap_lab::run::files;
+use stridemap_lab::{
+    LearnerKind, LearnerRow, PairedDifference, Task, paired_difference, run_learner,
+};
+
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+use crate::parallel;
+use crate::progress::SeedProgress;
+
+/// The task's learner less one control, paired by seed.
+#[derive(Clone, Debug, Serialize)]
+struct Against {
+    control: LearnerKind,
+    final_ratio: f64,
+    first_speed_m_s: PairedDifference,
+    final_speed_m_s: PairedDifference,
+}
+
+/// What `compare --json` prints for learners.
+#[derive(Clone, Debug, Serialize)]
+struct Learners {
+    experiment: String,
+    seeds: u64,
+    rows: Vec<LearnerRow>,
+    differences: Vec<Against>,
+}
+
+/// Runs the task's learner and the controls for several seeds, writes and prints the table.
+pub fn compare(
+    task: &Task,
+    seeds: u64,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
+    let own = task.learner.kind;
+    let mut kinds = vec![own];
+    kinds.extend(LearnerKind::CONTROLS.iter().filter(|k| **k != own));
+    let jobs: Vec<(LearnerKind, u64)> = (common.seed..common.seed + seeds)
+        .flat_map(|seed| kinds.iter().map(move |k| (*k, seed)))
+        .collect();
+    let progress = SeedProgress::new(jobs.len());
+    let results = parallel::over(&jobs, common.threads, |&(kind, seed)| {
+        let result = run_learner(task, kind, seed);
+        progress.done(&format!("{} seed {seed}", kind.name()));
+        result
+    })?;
+    let runs = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let walk_s = task.record.walk_s.unwrap_or(0.0);
+    let budget = task.algorithm.strides_at_most.unwrap_or(300);
+    let rows: Vec<LearnerRow> = kinds
+        .iter()
+        .map(|kind| {
+            let of_kind = jobs.iter().zip(&runs).filter(|((k, _), _)| k == kind);
+            let own: Vec<_> = of_kind.map(|(_, run)| run.clone()).collect();
+            LearnerRow::of(*kind, &own, walk_s, budget)
+        })
+        .collect();
+    let ours = &rows[0];
+    let differences = rows[1..]
+        .iter()
+        .map(|row| Against {
+            control: row.learner,
+            final_ratio: ours.final_median_m_s() / row.final_median_m_s(),
+            first_speed_m_s: paired_difference(&ours.first_speed_m_s, &row.first_speed_m_s),
+            final_speed_m_s: paired_difference(&ours.final_speed_m_s, &row.final_speed_m_s),
+        })
+        .collect();
+    let shown = Learners {
+        experiment: task.name.clone(),
+        seeds,
+        rows: rows.clone(),
+        differences,
+    };
+    let dir = out.map_or_else(
+        || PathBuf::from("runs").join(format!("compare-{}-{}", task.name, common.seed)),
+        Path::to_path_buf,
+    );
+    files::create_dir(&dir)?;
+    files::write_json(&dir.join("compare.json"), &shown)?;
+    files::write_whole(&dir.join("learners.csv"), curves(&rows).as_bytes())?;
+    if common.json {
+        return output::json(&shown);
+    }
+    print(&shown);
+    output::line(format!("{}", dir.join("learners.csv").display()));
+    Ok(())
+}
+
+/// Speed and falls against strides, one line per learner and count of strides.
+fn curves(rows: &[LearnerRow]) -> String {
+    let mut text = String::from("learner,strides,median_speed_m_s,falls\n");
+    for row in rows {
+        for p in &row.curve {
+            text += &format!(
+                "{},{},{},{}\n",
+                row.learner.name(),
+                p.strides,
+                p.median_speed_m_s,
+                p.falls
+            );
+        }
+    }
+    text
+}
+
+fn print(shown: &Learners) {
+    output::line(format!(
+        "{}, {} seeds: speed over the walk in m/s\n\nlearner       first median / that fall   final \
+         median / worst / upright   falls a run",
+        shown.experiment, shown.seeds
+    ));
+    for row in &shown.rows {
+        output::line(format!(
+            "{:<13} {:>7.3} / {:<17} {:>8.3} / {:.3} / {:<11} {:>6.2}",
+            row.learner.name(),
+            row.first_median_m_s(),
+            row.first_falls,
+            row.final_median_m_s(),
+            row.final_worst_m_s(),
+            row.final_upright,
+            row.falls_a_run(),
+        ));
+    }
+    output::line(
+        "\nstrides      speed of the policy that would be final / falls so far, per learner",
+    );
+    let points = shown.rows.first().map_or(0, |r| r.curve.len());
+    for i in (0..points).filter(|i| i % 2 == 1) {
+        let cells: Vec<String> = shown
+            .rows
+            .iter()
+            .map(|r| {
+                let p = &r.curve[i];
+                format!(
+                    "{} {:.3} / {:.2}",
+                    r.learner.name(),
+                    p.median_speed_m_s,
+                    p.falls
+                )
+            })
+            .collect();
+        output::line(format!(
+            "{:>7}      {}",
+            shown.rows[0].curve[i].strides,
+            cells.join("   ")
+        ));
+    }
+    output::line("\npaired differences over seeds, 95 % confidence");
+    let interval = |d: &PairedDifference| match (d.low, d.high) {
+        (Some(low), Some(high)) => format!("{:+.3} [{low:+.3}, {high:+.3}]", d.mean),
+        _ => format!("{:+.3}", d.mean),
+    };
+    for d in &shown.differences {
+        output::line(format!(
+            "  against {:<10} first {}   final {}   ratio of final medians {:.2}",
+            d.control.name(),
+            interval(&d.first_speed_m_s),
+            interval(&d.final_speed_m_s),
+            d.final_ratio
+        ));
+    }
+}

@@ -1,0 +1,322 @@
+//! Algorithm 1 with caution: policies are proposed within a trust region and proven on the robot.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use rand_chacha::ChaCha8Rng;
+use stridemap_learn::{
+    ActorCritic, ConstantPolicy, Learner, SavedPolicy, SearchConfig, SearchLearner, TrialSummary,
+};
+use stridemap_returnmap::{
+    LearnedMap, MapFailure, ProcessSpec, StateReward, StrideEnd, StrideProcess,
+};
+
+use crate::algorithm::{Algorithm, Recorder};
+use crate::caution::CautionConfig;
+use crate::controls;
+use crate::error::LabError;
+use crate::feedback::with_feedback;
+use crate::guarded::GuardedExplorer;
+use crate::pessimism::{CautiousMap, CautiousWorld};
+use crate::plant::{InPlace, PlantCounters};
+use crate::proof::{Proof, Prover, Verdict, shrunk};
+use crate::reward::{StateComponent, reward_of_state};
+use crate::seed::{Role, stream};
+use crate::strides::{
+    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive,
+};
+use crate::task::{LearnerKind, Task};
+use crate::trust::Region;
+
+/// The lowest and highest action tried in strides that reached the section, per component; without
+/// strides the range that the first batch would explore.
+fn tried(task: &Task, transitions: &[Transition], iteration: usize) -> Vec<[f64; 2]> {
+    let first = transitions
+        .iter()
+        .filter(|t| t.iteration <= iteration && t.end == StrideEnd::Crossing)
+        .filter(|t| t.phase == StridePhase::Collect);
+    let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; task.action.len()];
+    for t in first {
+        for (range, u) in ranges.iter_mut().zip(&t.action) {
+            *range = [range[0].min(*u), range[1].max(*u)];
+        }
+    }
+    if ranges.iter().any(|[l, h]| l > h) {
+        return task.collect.explore.center.clone();
+    }
+    ranges
+}
+
+/// What a cautious map must know of the task.
+fn cautious_world(
+    task: &Task,
+    caution: &CautionConfig,
+    in_place: InPlace,
+    spec: ProcessSpec,
+) -> Result<CautiousWorld, LabError> {
+    let (terms, components) = (task.reward.clone(), task.state.clone());
+    let zeros = vec![0.0; components.len()];
+    let from_state = reward_of_state(&terms, &components, &zeros).is_some();
+    let position = |c| task.state.iter().position(|s| *s == c);
+    let psi_roll = position(StateComponent::PsiRollDeg);
+    let bound = in_place.psi_roll_deg - caution.pessimism.psi_roll_below_in_place_deg;
+    let relative = if task.failure.psi_roll_relative {
+        in_place.psi_roll_deg
+    } else {
+        0.0
+    };
+    Ok(CautiousWorld {
+        spec,
+        limits: task.action_limits()?,
+        failure: MapFailure {
+            component: psi_roll,
+            below: relative + task.failure.psi_roll_below_deg,
+            reward: task.failure.reward,
+        },
+        reward: from_state.then(|| {
+            let f = move |x: &[f64]| reward_of_state(&terms, &components, x).unwrap_or(0.0);
+            Arc::new(f) as StateReward
+        }),
+        psi_roll: psi_roll.map(|c| (c, bound)),
+        pitch_rate: position(StateComponent::PsiPitchRateDegS),
+    })
+}
+
+impl Algorithm<'_> {
+    /// How the robot steps in place, from its first start in this run.
+    fn in_place(&self) -> InPlace {
+        let first = self.progress.iterations.first();
+        first.and_then(|i| i.in_place).unwrap_or_default()
+    }
+
+    /// Strides of the budget that are left; without a budget there is no end.
+    pub(crate) fn strides_left(&self) -> usize {
+        let made: usize = self.progress.iterations.iter().map(|i| i.strides).sum();
+        let budget = self.task.algorithm.strides_at_most.unwrap_or(usize::MAX);
+        budget.saturating_sub(made)
+    }
+
+    /// Step 2 without a policy: explores, and goes back towards the nominal gait after a warning.
+    pub(crate) fn explore_under_guard(
+        &mut self,
+        caution: &CautionConfig,
+        batch: Batch,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
+        let before = self.plant.counters();
+        let started = Instant::now();
+        let mut rng = stream(self.seed, Role::Collect, (batch.iteration - 1) as u64);
+        let limits = self.task.action_limits()?;
+        let source = ActionSource::Explore(&self.task.collect.explore);
+        // A start of its own tells how the robot steps in place; the batch starts afresh.
+        self.plant.reset(&mut rng.clone())?;
+        let guard = &caution.guard;
+        let thresholds = guard.thresholds(self.plant.in_place(), 0.0);
+        let mut explorer = GuardedExplorer::new(
+            &source,
+            &caution.guard,
+            Some(thresholds.exploring(guard.exploring_factor)),
+            limits.iter().map(|l| l.neutral).collect(),
+            caution.proof.back_off_strides,
+        );
+        let made = drive(
+            &mut self.plant,
+            &mut explorer,
+            batch,
+            &mut rng,
+            &mut |_, _| {},
+            &mut |t| recorder.stride(t, None),
+        );
+        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+        Ok((made?, self.plant.counters().since(before)))
+    }
+
+    /// Proposes the next policy within the trust region: found in the map, or by a control without one.
+    pub(crate) fn propose(
+        &self,
+        caution: &CautionConfig,
+        map: Option<&LearnedMap>,
+        rng: &mut ChaCha8Rng,
+        observer: &mut dyn FnMut(&TrialSummary),
+    ) -> Result<SavedPolicy, LabError> {
+        let (task, progress) = (self.task, &self.progress);
+        let iteration = progress.policies.len() + 1;
+        let limits = task.action_limits()?;
+        let spec = task.process_spec()?;
+        let proofs = progress.proofs();
+        let explored = tried(task, &progress.transitions, iteration);
+        let region = Region::next(&caution.trust, &limits, &explored, &proofs);
+        let training: Vec<&Transition> = progress
+            .transitions
+            .iter()
+            .filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)
+            .collect();
+        let constant = |action: &[f64]| -> Result<SavedPolicy, LabError> {
+            let policy = ConstantPolicy::new(spec.clone(), action)?;
+            Ok(SavedPolicy::Constant(policy))
+        };
+        match (task.learner.kind, map) {
+            (LearnerKind::Constant, _) => constant(&controls::grown(&region, &limits, &explored)),
+            (LearnerKind::Linear, _) => constant(&controls::linear(&region, &training)?),
+            (LearnerKind::BayesOpt, _) => {
+                let config = task.controls()?;
+                let all = Region::searched(&caution.trust, &limits, &explored);
+                let unit = &caution.trust.unit;
+                constant(&controls::bayes_opt(config, &all, unit, &proofs, rng)?)
+            }
+            (LearnerKind::CmaEs, _) => {
+                let config = task.controls()?;
+                let all = Region::searched(&caution.trust, &limits, &explored);
+                let unit = &caution.trust.unit;
+                let of = |g: usize| stream(self.seed, Role::RobotSearch, g as u64);
+                constant(&controls::cma_es(config, &all, unit, &proofs, &of)?)
+            }
+            (LearnerKind::ActorCritic | LearnerKind::Search, None) => {
+                Err(LabError::TooFewStrides {
+                    found: training.len(),
+                    needed: 1,
+                })
+            }
+            (LearnerKind::ActorCritic, Some(map)) => {
+                let mut within = spec;
+                for (d, component) in within.action.iter_mut().enumerate() {
+                    (component.lower, component.upper) = (region.lower[d], region.upper[d]);
+                }
+                let world = cautious_world(task, caution, self.in_place(), within)?;
+                let mut process = CautiousMap::new(map, caution.pessimism, world)?;
+                let mut config = task.learner.actor_critic.clone();
+                if let (true, Some(trials)) = (iteration > 1, task.learner.later_trials) {
+                    config.trials = trials;
+                }
+                let initial = progress
+                    .best_policy()
+                    .filter(|_| task.learner.warm_start && iteration > 1);
+                let outcome =
+                    ActorCritic { config }
+                        .improve(&mut process, initial, rng, &mut |r| observer(r.summary))?;
+                Ok(outcome.policy)
+            }
+            (LearnerKind::Search, Some(map)) => {
+                let settings = task.search()?;
+                let world = cautious_world(task, caution, self.in_place(), spec.clone())?;
+                let mut process = CautiousMap::new(map, caution.pessimism, world)?;
+                let config = SearchConfig {
+                    generations: settings.generations,
+                    episodes: settings.episodes,
+                    strides_per_episode: settings.strides_per_episode,
+                    unscored_strides: settings.unscored_strides,
+                    std_weight: 0.0,
+                    unsafe_penalty: 0.0,
+                    ..SearchConfig::within(&caution.trust.unit, &region.lower, &region.upper)
+                };
+                let start = Proof::best(&proofs).map(|b| &proofs[b].action);
+                let initial = start.map(|u| constant(u)).transpose()?;
+                let outcome = SearchLearner { config }.improve(
+                    &mut process,
+                    initial.as_ref(),
+                    rng,
+                    &mut |r| observer(r.summary),
+                )?;
+                let (Some(feedback), SavedPolicy::Constant(found)) =
+                    (&settings.feedback, &outcome.policy)
+                else {
+                    return Ok(outcome.policy);
+                };
+                let component = task
+                    .action
+                    .iter()
+                    .position(|a| a.modulates == feedback.modulates)
+                    .unwrap_or(0);
+                let unit = caution.trust.unit[component];
+                let of = (component, unit);
+                with_feedback(map, &spec, &limits, found.action(), of, feedback, rng)
+            }
+        }
+    }
+
+    /// Proves the newest policy on the robot; a first policy that warns is shrunk and tried again.
+    pub(crate) fn prove(
+        &mut self,
+        caution: &CautionConfig,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), LabError> {
+        let Some(mut policy) = self.progress.policies.last().cloned() else {
+            return Ok(());
+        };
+        let index = self.progress.policies.len() - 1;
+        if self.progress.iterations[index].proof.is_some() {
+            return Ok(());
+        }
+        let config = &caution.proof;
+        let residual = self.progress.iterations[index]
+            .pitch_rate_residual_deg_s
+            .unwrap_or(0.0);
+        let thresholds = caution.guard.thresholds(self.in_place(), residual);
+        let limits = self.task.action_limits()?;
+        let neutral: Vec<f64> = limits.iter().map(|l| l.neutral).collect();
+        let proofs: Vec<Proof> = self.progress.proofs().into_iter().cloned().collect();
+        let best = Proof::best(&proofs.iter().collect::<Vec<_>>());
+        let beat_m_s = best.map(|b| proofs[b].speed_m_s);
+        let mut rng = stream(self.seed, Role::Evaluate, index as u64);
+        let mut all: Vec<Transition> = Vec::new();
+        let mut attempts = 0;
+        let mut proof;
+        loop {
+            attempts += 1;
+            let fallback = match best {
+                Some(b) => self.progress.policies[b].clone(),
+                None => shrunk(&policy, &neutral, config.shrink_on_warning)?
+                    .unwrap_or_else(|| policy.clone()),
+            };
+            let left = self.strides_left() - all.len();
+            let most = config.proof_strides + config.back_off_strides;
+            let batch = Batch {
+                iteration: index + 1,
+                phase: StridePhase::Evaluate,
+                role: StrideRole::Training,
+                strides: left.min(most),
+            };
+            let guard = (&caution.guard, thresholds);
+            let mut prover = Prover::new(config, guard, &policy, &fallback, beat_m_s);
+            let before = self.plant.counters();
+            let started = Instant::now();
+            let made = drive(
+                &mut self.plant,
+                &mut prover,
+                batch,
+                &mut rng,
+                &mut |_, _| {},
+                &mut |t| recorder.stride(t, None),
+            );
+            self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+            proof = prover.proof();
+            let counted = self.plant.counters().since(before);
+            let iteration = &mut self.progress.iterations[index];
+            iteration.falls += counted.falls;
+            iteration.stalls += counted.stalls;
+            iteration.warm_up += counted.warm_up;
+            all.extend(made?);
+            let bad = matches!(proof.verdict, Verdict::Warned | Verdict::Fell);
+            let enough = self.strides_left() > all.len() + config.trial_strides;
+            if best.is_none() && bad && attempts < config.attempts && enough {
+                let smaller = shrunk(&policy, &neutral, config.shrink_on_warning)?;
+                if let Some(smaller) = smaller {
+                    policy = smaller;
+                    continue;
+                }
+            }
+            break;
+        }
+        proof.attempts = attempts;
+        let iteration = &mut self.progress.iterations[index];
+        iteration.strides += all.len();
+        iteration.evaluation = Some(Performance::of(&all, 0));
+        iteration.proof = Some(proof);
+        self.progress.transitions.extend(all);
+        if attempts > 1 {
+            recorder.policy(index + 1, &policy)?;
+            self.progress.policies[index] = policy;
+        }
+        Ok(())
+    }
+}

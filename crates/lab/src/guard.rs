@@ -1,0 +1,244 @@
+//! A guard on the robot: it watches what announces a fall, stride by stride.
+//!
+//! Near its cliff the robot alternates: left and right strides differ more and more (a flip, that is a
+//! multiplier beyond −1), seen first in the pitch rate, in `ψ_roll` only one or two strides before the
+//! fall; and it turns. The guard warns when two successive changes of the pitch rate have opposite
+//! signs and are both large, when two strides together turn the robot by more than a straight walk
+//! does, or when `ψ_roll` is low. Large and low are relative: to what the map cannot predict
+//! (its residual), and to the robot's own stepping in place.
+
+use serde::{Deserialize, Serialize};
+
+use crate::measure::StrideMeasures;
+use crate::plant::InPlace;
+
+/// What the guard warns of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GuardConfig {
+    /// First strides of an episode in which it is silent about the pitch rate: the start is uneven.
+    pub silent_strides: usize,
+    /// Changes of the pitch rate that are large on any robot, deg/s.
+    pub pitch_rate_change_deg_s: f64,
+    /// Change of heading over two strides, one on each leg, that is large, deg.
+    pub turn_deg: f64,
+    /// Change of heading since the episode began that is large, deg.
+    pub heading_deg: f64,
+    /// Factor on the large changes and turns while exploring, whose targets move by themselves.
+    pub exploring_factor: f64,
+    /// Added to the changes of the pitch rate, in standard deviations of what the map cannot predict of the pitch rate.
+    pub residual_stds: f64,
+    /// `ψ_roll` this far below its mean in place is low, deg.
+    pub psi_roll_below_in_place_deg: f64,
+}
+
+/// Thresholds in the robot's own units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GuardThresholds {
+    /// Two opposite changes of the pitch rate beyond this warn.
+    pub pitch_rate_change_deg_s: f64,
+    /// A turn over two strides beyond this warns.
+    pub turn_deg: f64,
+    /// A change of heading since the beginning beyond this warns.
+    pub heading_deg: f64,
+    /// A section with `ψ_roll` below this warns.
+    pub psi_roll_below_deg: f64,
+}
+
+impl GuardConfig {
+    /// Thresholds for a robot that steps in place like this, and a map with this residual of the pitch
+    /// rate (zero before there is one).
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_lab::{GuardConfig, InPlace};
+    ///
+    /// let config = GuardConfig {
+    ///     silent_strides: 3,
+    ///     pitch_rate_change_deg_s: 6.0,
+    ///     turn_deg: 6.5,
+    ///     heading_deg: 25.0,
+    ///     exploring_factor: 2.0,
+    ///     residual_stds: 2.0,
+    ///     psi_roll_below_in_place_deg: 2.0,
+    /// };
+    /// let in_place = InPlace { sections: 9, psi_roll_deg: -0.8, pitch_rate_change_deg_s: 0.5 };
+    /// let t = config.thresholds(in_place, 0.25);
+    /// assert!((t.pitch_rate_change_deg_s - 7.0).abs() < 1e-12); // 6 + 0.5 in place + 2 x 0.25
+    /// assert!((t.psi_roll_below_deg + 2.8).abs() < 1e-12);
+    /// ```
+    #[must_use]
+    pub fn thresholds(&self, in_place: InPlace, residual_deg_s: f64) -> GuardThresholds {
+        GuardThresholds {
+            pitch_rate_change_deg_s: self.pitch_rate_change_deg_s
+                + in_place.pitch_rate_change_deg_s
+                + self.residual_stds * residual_deg_s,
+            turn_deg: self.turn_deg,
+            heading_deg: self.heading_deg,
+            psi_roll_below_deg: in_place.psi_roll_deg - self.psi_roll_below_in_place_deg,
+        }
+    }
+}
+
+impl GuardThresholds {
+    /// Thresholds while exploring: changes and turns may be this much larger, headings wander.
+    #[must_use]
+    pub const fn exploring(self, factor: f64) -> Self {
+        Self {
+            pitch_rate_change_deg_s: factor * self.pitch_rate_change_deg_s,
+            turn_deg: factor * self.turn_deg,
+            heading_deg: f64::INFINITY,
+            ..self
+        }
+    }
+}
+
+/// What the guard saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Warning {
+    /// The pitch rate alternates.
+    Flip,
+    /// The robot turns.
+    Turn,
+    /// The mass is near the outer edge of the foot.
+    LowRoll,
+}
+
+/// Watches the strides of one episode.
+#[derive(Clone, Debug)]
+pub struct Guard {
+    thresholds: GuardThresholds,
+    silent: usize,
+    seen: usize,
+    last_rate: Option<f64>,
+    last_change: f64,
+    last_turn_deg: f64,
+    heading_deg: f64,
+}
+
+impl Guard {
+    /// A guard at the beginning of an episode.
+    #[must_use]
+    pub const fn new(config: &GuardConfig, thresholds: GuardThresholds) -> Self {
+        Self {
+            thresholds,
+            silent: config.silent_strides,
+            seen: 0,
+            last_rate: None,
+            last_change: 0.0,
+            last_turn_deg: 0.0,
+            heading_deg: 0.0,
+        }
+    }
+
+    /// Looks at a stride that reached the section.
+    pub fn watch(&mut self, measures: &StrideMeasures) -> Option<Warning> {
+        let rate = measures.psi_pitch_rate_deg_s;
+        let change = self.last_rate.map_or(0.0, |last| rate - last);
+        let before = std::mem::replace(&mut self.last_change, change);
+        self.last_rate = Some(rate);
+        self.seen += 1;
+        let large = self.thresholds.pitch_rate_change_deg_s;
+        let flips = change * before < 0.0 && change.abs() > large && before.abs() > large;
+        let turn_before = std::mem::replace(&mut self.last_turn_deg, measures.turn_deg);
+        self.heading_deg += measures.turn_deg;
+        // The pelvis turns to and fro with every step: the heading is that between two.
+        let heading_deg = self.heading_deg - 0.5 * measures.turn_deg;
+        let turns = (measures.turn_deg + turn_before).abs() > self.thresholds.turn_deg
+            || heading_deg.abs() > self.thresholds.heading_deg;
+        if self.seen > self.silent && flips {
+            Some(Warning::Flip)
+        } else if self.seen > self.silent && turns {
+            Some(Warning::Turn)
+        } else if measures.psi_roll_deg < self.thresholds.psi_roll_below_deg {
+            Some(Warning::LowRoll)
+        } else {
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn warnings(rates: &[f64], silent_strides: usize) -> Vec<Option<Warning>> {
+        let config = GuardConfig {
+            silent_strides,
+            pitch_rate_change_deg_s: 3.0,
+            turn_deg: 6.0,
+            heading_deg: 20.0,
+            exploring_factor: 1.0,
+            residual_stds: 0.0,
+            psi_roll_below_in_place_deg: 1.0,
+        };
+        let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
+        let stride = |rate: &f64| StrideMeasures {
+            psi_pitch_rate_deg_s: *rate,
+            ..Default::default()
+        };
+        rates.iter().map(|r| guard.watch(&stride(r))).collect()
+    }
+
+    #[test]
+    fn alternation_warns_and_a_ramp_does_not() {
+        let flip = Some(Warning::Flip);
+        assert_eq!(
+            warnings(&[20.0, 16.0, 20.0, 16.0], 0),
+            [None, None, flip, flip]
+        );
+        assert_eq!(warnings(&[20.0, 18.0, 20.0, 18.0], 0), [None; 4]);
+        assert_eq!(warnings(&[0.0, 5.0, 10.0, 15.0], 0), [None; 4]);
+        assert_eq!(
+            warnings(&[20.0, 16.0, 20.0, 16.0], 3),
+            [None, None, None, flip]
+        );
+    }
+
+    /// The pelvis turns to and fro with every step; what stays over two steps is a turn.
+    #[test]
+    fn a_turn_over_two_strides_warns() {
+        let config = GuardConfig {
+            silent_strides: 0,
+            pitch_rate_change_deg_s: 3.0,
+            turn_deg: 6.0,
+            heading_deg: 20.0,
+            exploring_factor: 1.0,
+            residual_stds: 0.0,
+            psi_roll_below_in_place_deg: 1.0,
+        };
+        let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
+        let mut seen = |turn_deg| {
+            guard.watch(&StrideMeasures {
+                turn_deg,
+                ..Default::default()
+            })
+        };
+        assert_eq!([5.0, -8.0, 9.0].map(&mut seen), [None; 3]);
+        assert_eq!(seen(-2.0), Some(Warning::Turn));
+    }
+
+    #[test]
+    fn a_low_roll_warns_at_once() {
+        let config = GuardConfig {
+            silent_strides: 9,
+            pitch_rate_change_deg_s: 3.0,
+            turn_deg: 6.0,
+            heading_deg: 20.0,
+            exploring_factor: 1.0,
+            residual_stds: 0.0,
+            psi_roll_below_in_place_deg: 1.0,
+        };
+        let in_place = InPlace::of(&[(-0.8, 1.0), (-0.8, 1.5)]);
+        assert!((in_place.pitch_rate_change_deg_s - 0.5).abs() < 1e-12);
+        let mut guard = Guard::new(&config, config.thresholds(in_place, 0.0));
+        let at = |psi_roll_deg| StrideMeasures {
+            psi_roll_deg,
+            ..Default::default()
+        };
+        assert_eq!(guard.watch(&at(-1.7)), None);
+        assert_eq!(guard.watch(&at(-1.9)), Some(Warning::LowRoll));
+    }
+}

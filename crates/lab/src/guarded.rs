@@ -1,0 +1,81 @@
+//! Exploring under guard: after a warning the robot goes back towards the nominal gait for a while.
+
+use rand_chacha::ChaCha8Rng;
+use stridemap_returnmap::{Action, StrideEnd};
+
+use crate::guard::{Guard, GuardConfig, GuardThresholds};
+use crate::strides::{Act, ActionSource, Actor, Next, Transition};
+
+/// Explores; after a warning asks for an action nearer to the nominal gait.
+pub struct GuardedExplorer<'a> {
+    explorer: Actor<'a>,
+    config: &'a GuardConfig,
+    thresholds: Option<GuardThresholds>,
+    guard: Option<Guard>,
+    neutral: Vec<f64>,
+    back_off_strides: usize,
+    backing_off: Option<(usize, Action)>,
+}
+
+impl<'a> GuardedExplorer<'a> {
+    /// An explorer that goes back half of the way to the neutral action for some strides after each
+    /// warning.
+    ///
+    /// # Arguments
+    ///
+    /// - `thresholds` – `None`: no guard.
+    #[must_use]
+    pub fn new(
+        source: &'a ActionSource<'a>,
+        config: &'a GuardConfig,
+        thresholds: Option<GuardThresholds>,
+        neutral: Vec<f64>,
+        back_off_strides: usize,
+    ) -> Self {
+        Self {
+            explorer: Actor::new(source),
+            config,
+            thresholds,
+            guard: None,
+            neutral,
+            back_off_strides,
+            backing_off: None,
+        }
+    }
+}
+
+impl Act for GuardedExplorer<'_> {
+    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+        // The draws of the explorer do not depend on warnings: the same seed explores the same way.
+        let wanted = self.explorer.act(state, rng);
+        match &self.backing_off {
+            Some((_, safe)) => safe.clone(),
+            None => wanted,
+        }
+    }
+
+    fn saw(&mut self, transition: &Transition) -> Next {
+        if transition.end != StrideEnd::Crossing {
+            (self.guard, self.backing_off) = (None, None);
+            return Next::Go;
+        }
+        let Some(thresholds) = self.thresholds else {
+            return Next::Go;
+        };
+        let guard = self
+            .guard
+            .get_or_insert_with(|| Guard::new(self.config, thresholds));
+        let warned = guard.watch(&transition.measures).is_some();
+        self.backing_off = match self.backing_off.take() {
+            Some((left, safe)) if left > 1 => Some((left - 1, safe)),
+            Some(_) => None,
+            None if warned && self.back_off_strides > 0 => {
+                let half = transition.action.iter().zip(&self.neutral);
+                let safe = half.map(|(u, n)| n + 0.5 * (u - n)).collect();
+                Some((self.back_off_strides, safe))
+            }
+            None => None,
+        };
+        Next::Go
+    }
+}

@@ -1,0 +1,257 @@
+//! A policy is proven on the robot before it is called final.
+//!
+//! From a fresh start the policy walks a trial. If it is no faster than the best proven one it ends
+//! there; otherwise it goes on to the full proof, because a slow flip shows only after many strides. A
+//! warning of the guard ends it: the robot backs off to what is proven. A first policy that warned is
+//! not discarded but shrunk towards stepping in place and tried again.
+
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use stridemap_learn::{ConstantPolicy, LinearPolicy, Policy, SavedPolicy};
+use stridemap_returnmap::{Action, StrideEnd};
+
+use crate::error::LabError;
+use crate::guard::{Guard, GuardConfig, GuardThresholds, Warning};
+use crate::strides::{Act, Next, Transition};
+
+/// When a policy counts as proven.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProofConfig {
+    /// Strides after which a policy that is no faster than the best proven one is given up.
+    pub trial_strides: usize,
+    /// Strides, the trial's included, without a warning that prove a policy.
+    pub proof_strides: usize,
+    /// First strides whose speed does not count: the way up to the policy.
+    pub settle_strides: usize,
+    /// A first policy that warned is shrunk by this factor towards stepping in place.
+    pub shrink_on_warning: f64,
+    /// How often a first policy is tried, the first time included.
+    pub attempts: usize,
+    /// Strides of backing off after a warning.
+    pub back_off_strides: usize,
+    /// What is taken from the proven action while backing off, per component of the action.
+    pub back_off: Vec<f64>,
+}
+
+/// What became of a policy on the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It walked the full proof without a warning.
+    Proven,
+    /// It walked the trial and was no faster than the best proven policy.
+    Slower,
+    /// The guard warned.
+    Warned,
+    /// It fell.
+    Fell,
+    /// The budget of strides ended before the proof.
+    Unfinished,
+}
+
+/// A policy's trial or proof on the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Proof {
+    /// What became of it.
+    pub verdict: Verdict,
+    /// What the guard warned of, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<Warning>,
+    /// Speed along the first heading after the policy had settled.
+    pub speed_m_s: f64,
+    /// Strides without a warning.
+    pub strides: usize,
+    /// How often the policy was tried, shrunk in between.
+    pub attempts: usize,
+    /// The mean action applied after the policy had settled.
+    pub action: Vec<f64>,
+}
+
+impl Proof {
+    /// Index of the fastest proven one, the earlier of equals.
+    #[must_use]
+    pub fn best(proofs: &[&Self]) -> Option<usize> {
+        let proven = proofs
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| p.verdict == Verdict::Proven);
+        proven
+            .fold(None, |best: Option<(usize, f64)>, (i, p)| match best {
+                Some((_, most)) if most >= p.speed_m_s => best,
+                _ => Some((i, p.speed_m_s)),
+            })
+            .map(|(i, _)| i)
+    }
+
+    /// Index of the policy to use: the fastest proven one; without one, the one that walked longest
+    /// before its warning, the later of equals.
+    #[must_use]
+    pub fn choice(proofs: &[&Self]) -> Option<usize> {
+        Self::best(proofs).or_else(|| {
+            let by_strides = proofs.iter().enumerate().max_by_key(|(_, p)| p.strides);
+            by_strides.map(|(i, _)| i)
+        })
+    }
+}
+
+/// Walks a policy until it is proven, given up, or the guard warns.
+pub struct Prover<'a> {
+    config: &'a ProofConfig,
+    policy: &'a dyn Policy,
+    fallback: &'a dyn Policy,
+    guard: Guard,
+    beat_m_s: Option<f64>,
+    walked: usize,
+    forward_m: f64,
+    time_s: f64,
+    actions: Vec<f64>,
+    backing_off: Option<usize>,
+    verdict: Verdict,
+    warning: Option<Warning>,
+}
+
+impl<'a> Prover<'a> {
+    /// A proof of `policy` from a fresh start.
+    ///
+    /// # Arguments
+    ///
+    /// - `fallback` – what the robot backs off to, less `config.back_off`.
+    /// - `beat_m_s` – speed of the best proven policy; without one every policy goes on to the proof.
+    #[must_use]
+    pub fn new(
+        config: &'a ProofConfig,
+        guard: (&GuardConfig, GuardThresholds),
+        policy: &'a dyn Policy,
+        fallback: &'a dyn Policy,
+        beat_m_s: Option<f64>,
+    ) -> Self {
+        Self {
+            config,
+            policy,
+            fallback,
+            guard: Guard::new(guard.0, guard.1),
+            beat_m_s,
+            walked: 0,
+            forward_m: 0.0,
+            time_s: 0.0,
+            actions: vec![0.0; config.back_off.len()],
+            backing_off: None,
+            verdict: Verdict::Unfinished,
+            warning: None,
+        }
+    }
+
+    /// What the strides so far came to.
+    #[must_use]
+    pub fn proof(&self) -> Proof {
+        let settled = self.walked.saturating_sub(self.config.settle_strides);
+        Proof {
+            verdict: self.verdict,
+            warning: self.warning,
+            speed_m_s: if self.time_s > 0.0 {
+                self.forward_m / self.time_s
+            } else {
+                0.0
+            },
+            strides: self.walked,
+            attempts: 1,
+            action: self
+                .actions
+                .iter()
+                .map(|a| a / settled.max(1) as f64)
+                .collect(),
+        }
+    }
+
+    fn warned(&mut self) -> Next {
+        self.verdict = Verdict::Warned;
+        self.backing_off = Some(self.config.back_off_strides);
+        if self.config.back_off_strides == 0 {
+            Next::Stop
+        } else {
+            Next::Go
+        }
+    }
+}
+
+impl Act for Prover<'_> {
+    fn act(&mut self, state: &[f64], _rng: &mut ChaCha8Rng) -> Action {
+        if self.backing_off.is_none() {
+            return self.policy.mean(state);
+        }
+        let safe = self.fallback.mean(state);
+        safe.iter()
+            .zip(&self.config.back_off)
+            .map(|(u, less)| u - less)
+            .collect()
+    }
+
+    fn saw(&mut self, transition: &Transition) -> Next {
+        if transition.end != StrideEnd::Crossing {
+            self.verdict = Verdict::Fell;
+            return Next::Stop;
+        }
+        if let Some(left) = self.backing_off {
+            self.backing_off = Some(left - 1);
+            return if left <= 1 { Next::Stop } else { Next::Go };
+        }
+        self.walked += 1;
+        if self.walked > self.config.settle_strides {
+            self.forward_m += transition.measures.forward_m;
+            self.time_s += transition.measures.duration_s;
+            for (sum, u) in self.actions.iter_mut().zip(&transition.action) {
+                *sum += u;
+            }
+        }
+        self.warning = self.guard.watch(&transition.measures);
+        if self.warning.is_some() {
+            return self.warned();
+        }
+        let speed_m_s = self.forward_m / self.time_s.max(f64::MIN_POSITIVE);
+        if self.walked == self.config.trial_strides
+            && self.beat_m_s.is_some_and(|beat| speed_m_s <= beat)
+        {
+            self.verdict = Verdict::Slower;
+            return Next::Stop;
+        }
+        if self.walked >= self.config.proof_strides {
+            self.verdict = Verdict::Proven;
+            return Next::Stop;
+        }
+        Next::Go
+    }
+}
+
+/// A policy's constants pulled towards the neutral action by a factor; feedback is kept. A network is
+/// not shrunk: `None`.
+///
+/// # Errors
+///
+/// [`LabError::Learn`] if the constants leave the policy's domain.
+pub fn shrunk(
+    policy: &SavedPolicy,
+    neutral: &[f64],
+    factor: f64,
+) -> Result<Option<SavedPolicy>, LabError> {
+    let pulled = |action: &[f64]| -> Vec<f64> {
+        let both = action.iter().zip(neutral);
+        both.map(|(u, n)| n + factor * (u - n)).collect()
+    };
+    Ok(match policy {
+        SavedPolicy::Constant(p) => Some(SavedPolicy::Constant(ConstantPolicy::new(
+            policy.spec().clone(),
+            &pulled(p.action()),
+        )?)),
+        SavedPolicy::Linear(p) => Some(SavedPolicy::Linear(
+            LinearPolicy::new(
+                policy.spec().clone(),
+                &pulled(p.action()),
+                p.gain(),
+                p.state(),
+            )?
+            .limited(p.limit())?,
+        )),
+        _ => None,
+    })
+}
