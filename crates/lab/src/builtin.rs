@@ -9,7 +9,7 @@ use crate::error::{Invalid, LabError};
 use crate::task::Task;
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 6] = [
+pub const TASKS: [(&str, &str); 7] = [
     (
         "stepping",
         include_str!("../../../experiments/stepping.toml"),
@@ -30,6 +30,10 @@ pub const TASKS: [(&str, &str); 6] = [
     (
         "small-stepping",
         include_str!("../../../experiments/small-stepping.toml"),
+    ),
+    (
+        "small-walking",
+        include_str!("../../../experiments/small-walking.toml"),
     ),
 ];
 
