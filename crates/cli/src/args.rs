@@ -36,12 +36,44 @@ pub struct Common {
     /// Overrides one value of the task, e.g. `--set robot.mass_scale=1.05`; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
+    /// Runs the task on another robot of its kind: the small humanoid with hardware effects (op3),
+    /// without (op3-ideal), or behind ROS 2 (ros2).
+    #[arg(long, value_name = "ROBOT")]
+    pub robot: Option<RobotName>,
+    /// Does not ask before a robot behind a link moves: for scripts.
+    #[arg(long)]
+    pub yes: bool,
+    /// Writes everything that a robot simulated here says and is told to log.mcap in the run's directory;
+    /// a robot behind a link is always logged.
+    #[arg(long)]
+    pub log: bool,
     /// Prints one JSON document on stdout instead of text.
     #[arg(long)]
     pub json: bool,
     /// Threads for work over several seeds; results do not depend on it. Default: all processors.
     #[arg(long)]
     pub threads: Option<usize>,
+}
+
+/// A robot on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RobotName {
+    /// The small humanoid, simulated in this process with hardware effects.
+    Op3,
+    /// The same without hardware effects.
+    Op3Ideal,
+    /// A robot behind ROS 2.
+    Ros2,
+}
+
+impl From<RobotName> for stridemap_lab::RobotChoice {
+    fn from(name: RobotName) -> Self {
+        match name {
+            RobotName::Op3 => Self::Op3,
+            RobotName::Op3Ideal => Self::Op3Ideal,
+            RobotName::Ros2 => Self::Ros2,
+        }
+    }
 }
 
 /// A task and where its run goes.
@@ -70,6 +102,24 @@ pub enum FigureName {
     Fig10,
     /// Every figure, and a table: paper beside ours.
     All,
+}
+
+/// Where a robot behind ROS 2 is.
+#[derive(Clone, Debug, Args)]
+pub struct Network {
+    /// Domain of the DDS network.
+    #[arg(long, default_value_t = 0)]
+    pub domain: u16,
+    /// Address of the network interface. The default never leaves this machine.
+    #[arg(long, default_value = "127.0.0.1")]
+    pub interface: String,
+}
+
+/// A robot that can be simulated behind ROS 2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ServedRobot {
+    /// The small humanoid ROBOTIS OP3.
+    Op3,
 }
 
 /// What to do.
@@ -110,6 +160,10 @@ pub enum Command {
     Collect {
         /// A task, to start a run; or a run directory, to go on.
         task: String,
+        /// Makes the strides from a robot's log instead, with no robot at all, and writes them as CSV (to
+        /// stdout, or to --out).
+        #[arg(long, value_name = "LOG.mcap")]
+        from: Option<PathBuf>,
         /// Directory of the run. Default: runs/TASK-SEED.
         #[arg(long)]
         out: Option<PathBuf>,
@@ -258,6 +312,67 @@ pub enum Command {
     Init {
         /// The file. Default: my-robot.toml.
         file: Option<PathBuf>,
+    },
+    /// Simulates a robot as a process of its own that speaks ROS 2, with guards of its own.
+    #[command(
+        after_help = "Example, in two terminals:\n  stridemap robot op3 --seed 1\n  stridemap learn \
+        small-stepping --robot ros2"
+    )]
+    Robot {
+        /// Which one.
+        robot: ServedRobot,
+        /// Without hardware effects.
+        #[arg(long)]
+        ideal: bool,
+        /// Control periods per second.
+        #[arg(long, default_value_t = 125.0)]
+        rate: f64,
+        /// Which individual, and the root of its noise.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// How much faster than real time its clock runs; 0: each period as soon as the controller has
+        /// answered the last one.
+        #[arg(long, default_value_t = 1.0)]
+        realtime_factor: f64,
+        /// Ends after this much robot time. Default: runs until it is stopped.
+        #[arg(long)]
+        seconds: Option<f64>,
+        /// Where.
+        #[command(flatten)]
+        network: Network,
+    },
+    /// Presses the emergency stop of a robot behind ROS 2; it latches until --rearm.
+    Stop {
+        /// Re-arms instead.
+        #[arg(long)]
+        rearm: bool,
+        /// Why; the robot repeats it.
+        #[arg(long, default_value = "stridemap stop")]
+        reason: String,
+        /// Where.
+        #[command(flatten)]
+        network: Network,
+    },
+    /// Tries every fault on a running link (loopback) and prints what the robot and the controller did.
+    Faults {
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+        /// First of the domains that it uses; it needs twenty.
+        #[arg(long, default_value_t = 120)]
+        domain: u16,
+    },
+    /// Times the link: a simulated robot in a process of its own, stepping for some seconds.
+    BenchLink {
+        /// For how long.
+        #[arg(long, default_value_t = 30.0)]
+        seconds: f64,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+        /// Domain of the DDS network.
+        #[arg(long, default_value_t = 119)]
+        domain: u16,
     },
     /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run.
     Bench {

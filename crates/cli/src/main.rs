@@ -54,9 +54,15 @@ fn run(command: Command) -> Result<(), Failure> {
             }
             (None, None) => Err(Failure::request("learn needs a task or --resume RUN")),
         },
-        Command::Collect { task, out, common } => {
-            commands::verbs::collect(&task, out.as_deref(), &common)
-        }
+        Command::Collect {
+            task,
+            from,
+            out,
+            common,
+        } => match from {
+            Some(log) => commands::verbs::collect_from(&task, &log, out.as_deref(), &common),
+            None => commands::verbs::collect(&task, out.as_deref(), &common),
+        },
         Command::Fit {
             source,
             task,
@@ -117,6 +123,26 @@ fn run(command: Command) -> Result<(), Failure> {
         }
         Command::Check { task, common } => commands::task::check(&task, &common),
         Command::Init { file } => commands::task::init(file.as_deref()),
+        Command::Robot {
+            robot: args::ServedRobot::Op3,
+            ideal,
+            rate,
+            seed,
+            realtime_factor,
+            seconds,
+            network,
+        } => commands::robot::robot(ideal, rate, seed, realtime_factor, seconds, &network),
+        Command::Stop {
+            rearm,
+            reason,
+            network,
+        } => commands::robot::stop(rearm, &reason, &network),
+        Command::Faults { json, domain } => commands::robot::faults(json, domain),
+        Command::BenchLink {
+            seconds,
+            json,
+            domain,
+        } => commands::robot::bench_link(seconds, json, domain),
         Command::Bench { json } => commands::bench::bench(json),
     }
 }

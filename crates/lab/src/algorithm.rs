@@ -250,12 +250,18 @@ impl<'a> Algorithm<'a> {
     ///
     /// [`LabError`] if the robot or the gait cannot be built.
     pub fn resume(task: &'a Task, seed: u64, progress: Progress) -> Result<Self, LabError> {
-        Ok(Self {
+        Ok(Self::on(task, seed, task.plant()?, progress))
+    }
+
+    /// The same on a plant that was built elsewhere: one whose robot is behind a link.
+    #[must_use]
+    pub fn on(task: &'a Task, seed: u64, plant: Plant, progress: Progress) -> Self {
+        Self {
             task,
             seed,
-            plant: task.plant()?,
+            plant,
             progress,
-        })
+        }
     }
 
     /// The robot.

@@ -9,7 +9,7 @@ use crate::error::{Invalid, LabError};
 use crate::task::Task;
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 5] = [
+pub const TASKS: [(&str, &str); 7] = [
     (
         "stepping",
         include_str!("../../../experiments/stepping.toml"),
@@ -27,10 +27,18 @@ pub const TASKS: [(&str, &str); 5] = [
         "walking-paper",
         include_str!("../../../experiments/walking-paper.toml"),
     ),
+    (
+        "small-stepping",
+        include_str!("../../../experiments/small-stepping.toml"),
+    ),
+    (
+        "small-walking",
+        include_str!("../../../experiments/small-walking.toml"),
+    ),
 ];
 
 /// A task, read and checked.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct LoadedTask {
     /// The task.
     pub task: Task,
@@ -73,7 +81,7 @@ fn config(error: crate::config::ConfigError) -> LabError {
 
 fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
     let model = document.get("robot.model").and_then(|node| node.as_str());
-    let is_file = model.is_some_and(|model| model != "biped");
+    let is_file = model.is_some_and(|model| model != "biped" && model != "op3");
     if is_file {
         document.rebase("robot.model");
     }

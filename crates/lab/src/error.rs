@@ -53,6 +53,9 @@ pub enum LabError {
     /// The robot refuses or fails outside of a stride.
     #[error("robot: {0}")]
     Robot(#[from] RobotError),
+    /// The robot of this task is behind a link, and this command works on a simulated one only.
+    #[error("this robot is behind a link; the command works on a simulated one (--robot op3)")]
+    NotHere,
     /// A process refuses or fails.
     #[error(transparent)]
     Process(#[from] ProcessError),
@@ -136,6 +139,7 @@ impl LabError {
                 | Self::Invalid(_)
                 | Self::UnknownModulation { .. }
                 | Self::Gait(_)
+                | Self::NotHere
                 | Self::Section(_)
                 | Self::Mujoco(_)
                 | Self::RunDirectory { .. }

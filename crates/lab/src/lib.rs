@@ -36,8 +36,10 @@ mod proof;
 mod provenance;
 mod push;
 mod reward;
+mod robots;
 pub mod run;
 pub mod seed;
+mod steering;
 mod strides;
 mod task;
 mod trust;
@@ -60,13 +62,16 @@ pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference
 pub use measure::{StrideMeasures, StrideMeter};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{
-    FailureConfig, InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, TickObserver,
+    FailureConfig, InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver,
+    TickObserver,
 };
 pub use poses::{PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
+pub use robots::RobotChoice;
+pub use steering::{Steered, can_steer, steer};
 pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,
     make_strides,

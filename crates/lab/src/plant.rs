@@ -145,6 +145,14 @@ pub trait TickObserver: Send {
     );
 }
 
+/// Who is told what the policy asked for and where the sections were: a log.
+pub trait StrideObserver: Send {
+    /// A stride begins with this action, as it was asked for.
+    fn action(&mut self, action: &[f64]);
+    /// A section was found.
+    fn section(&mut self, crossing: &Crossing);
+}
+
 /// The robot as a [`StrideProcess`].
 pub struct Plant {
     robot: Box<dyn Robot>,
@@ -164,6 +172,8 @@ pub struct Plant {
     push_force_n: Option<[f64; 3]>,
     observer: Option<Box<dyn TickObserver>>,
     abort_reason: Option<RobotError>,
+    true_psi_roll_deg: Option<f64>,
+    log: Option<Box<dyn StrideObserver>>,
 }
 
 /// How running to the next section went.
@@ -209,6 +219,8 @@ impl Plant {
             push_force_n: None,
             observer: None,
             abort_reason: None,
+            true_psi_roll_deg: None,
+            log: None,
         })
     }
 
@@ -248,6 +260,12 @@ impl Plant {
         self.abort_reason.as_ref()
     }
 
+    /// `ψ_roll` at the last section as a simulator knows it, where the robot only estimates it.
+    #[must_use]
+    pub const fn true_psi_roll_deg(&self) -> Option<f64> {
+        self.true_psi_roll_deg
+    }
+
     /// The action that the next stride starts from.
     #[must_use]
     pub const fn last_action(&self) -> &stridemap_returnmap::Action {
@@ -264,6 +282,11 @@ impl Plant {
     #[must_use]
     pub fn robot(&self) -> &dyn Robot {
         self.robot.as_ref()
+    }
+
+    /// Sets or removes a log of actions and sections.
+    pub fn log(&mut self, log: Option<Box<dyn StrideObserver>>) {
+        self.log = log;
     }
 
     /// Sets or removes an observer of every control tick.
@@ -290,6 +313,14 @@ impl Plant {
         let crossing = self.detector.update(self.robot.state());
         let pendulum = self.detector.pendulum();
         self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
+        if let (Some(found), Some(log)) = (&crossing, &mut self.log) {
+            log.section(found);
+        }
+        if let (Some(found), Some(truth)) = (&crossing, self.robot.true_state()) {
+            let base = self.task.section.pendulum_base;
+            let there = stridemap_section::pendulum(truth, found.pendulum.stance, base);
+            self.true_psi_roll_deg = there.map(|p| p.roll_rad.to_degrees());
+        }
         if let Some(observer) = &mut self.observer {
             let robot = self.robot.as_ref();
             observer.tick(robot, robot.state(), crossing.as_ref(), self.push_force_n);
@@ -439,6 +470,9 @@ impl StrideProcess for Plant {
     fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         if !self.at_section {
             return Err(ProcessError::NotReset);
+        }
+        if let Some(log) = &mut self.log {
+            log.action(action);
         }
         let action = self.law.apply(action)?;
         for (component, value) in self.task.action.iter().zip(&action) {

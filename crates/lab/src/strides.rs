@@ -93,6 +93,8 @@ pub struct Transition {
     pub end: StrideEnd,
     /// What was measured of it.
     pub measures: StrideMeasures,
+    /// `ψ_roll` at its end as a simulator knows it, where the robot only estimates it. Not in files.
+    pub true_psi_roll_deg: Option<f64>,
 }
 
 /// Where actions on the robot come from.
@@ -255,6 +257,7 @@ pub fn drive(
             reward: stride.reward,
             end: stride.end,
             measures: *plant.last_measures(),
+            true_psi_roll_deg: plant.true_psi_roll_deg(),
         };
         observe(&transition)?;
         if transition.end == StrideEnd::Crossing {
@@ -294,6 +297,9 @@ pub struct Performance {
     pub mean_reward: f64,
     /// Mean `ψ_roll` at the section over those that reached one.
     pub mean_psi_roll_deg: f64,
+    /// The same as a simulator knows it, where the robot only estimates it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub true_mean_psi_roll_deg: Option<f64>,
     /// Falls, among the strides left out of the mean as well.
     pub falls: usize,
     /// Stalls, likewise.
@@ -324,7 +330,12 @@ impl Performance {
                 sum / f64::from(count)
             }
         };
+        let crossed = || kept.iter().filter(|t| t.end == StrideEnd::Crossing);
+        let truth: Option<Vec<f64>> = crossed().map(|t| t.true_psi_roll_deg).collect();
         Self {
+            true_mean_psi_roll_deg: truth
+                .filter(|values| !values.is_empty())
+                .map(|values| mean(&mut values.into_iter())),
             strides: kept.len(),
             mean_reward: mean(&mut kept.iter().map(|t| t.reward)),
             mean_psi_roll_deg: mean(

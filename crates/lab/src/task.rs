@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
 use stridemap_learn::ActorCriticConfig;
-use stridemap_mujoco::{MujocoConfig, MujocoRobot};
+use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{
     ActionDimension, ActionLimits, MapConfig, MapFailure, ProcessSpec, StateDimension,
 };
+use stridemap_robot::{Robot, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::caution::CautionConfig;
@@ -211,6 +212,9 @@ pub struct Task {
     pub state: Vec<StateComponent>,
     /// The robot.
     pub robot: MujocoConfig,
+    /// Where the robot is, if it is another process or a real one; left out: simulated in this process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link: Option<Ros2Config>,
     /// The nominal gait.
     pub gait: OscillatorGaitConfig,
     /// The Poincaré section.
@@ -652,13 +656,24 @@ impl Task {
         }
     }
 
-    /// Builds the robot with its gait as a stride process.
+    /// Builds the robot, simulated in this process, with its gait as a stride process.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::NotHere`] if the robot is behind a link; [`LabError`] of the room at fault.
+    pub fn plant(&self) -> Result<Plant, LabError> {
+        if self.link.is_some() {
+            return Err(LabError::NotHere);
+        }
+        self.plant_on(self.robot.build()?)
+    }
+
+    /// Puts the gait on a robot: a stride process.
     ///
     /// # Errors
     ///
     /// [`LabError`] of the room at fault.
-    pub fn plant(&self) -> Result<Plant, LabError> {
-        let robot = MujocoRobot::new(self.robot.clone())?;
+    pub fn plant_on(&self, robot: Box<dyn Robot>) -> Result<Plant, LabError> {
         let task = PlantTask {
             state: self.state.clone(),
             action: self.plant_actions()?,
@@ -667,11 +682,6 @@ impl Task {
             section: self.section,
             warm_up_strides: self.collect.warm_up_strides,
         };
-        Plant::new(
-            Box::new(robot),
-            Box::new(self.gait()?),
-            self.process_spec()?,
-            task,
-        )
+        Plant::new(robot, Box::new(self.gait()?), self.process_spec()?, task)
     }
 }

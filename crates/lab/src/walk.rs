@@ -108,6 +108,7 @@ mod tests {
             next_state: smallvec::smallvec![0.0],
             reward: 0.0,
             end,
+            true_psi_roll_deg: None,
             measures: StrideMeasures {
                 duration_s: 0.5,
                 forward_m: 0.2,

@@ -7,16 +7,19 @@ use serde::{Deserialize, Serialize};
 use stridemap_robot::{JointTargets, LegJoint, Legs, Side};
 
 use crate::error::{MujocoError, nearest};
+use crate::hardware::HardwareConfig;
 
 /// Where a model comes from.
 ///
-/// In a file it is one string: `"biped"`, or the path of an MJCF file.
+/// In a file it is one string: `"biped"`, `"op3"`, or the path of an MJCF file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "String", into = "String")]
 pub enum ModelSource {
     /// The 1.6 m, 95 kg biped that is part of this crate ([`BIPED_XML`](crate::BIPED_XML)).
     #[default]
     Biped,
+    /// The 0.52 m, 3.15 kg humanoid ROBOTIS OP3 ([`OP3_XML`](crate::OP3_XML)).
+    Op3,
     /// An MJCF file.
     File(PathBuf),
 }
@@ -25,6 +28,7 @@ impl From<String> for ModelSource {
     fn from(text: String) -> Self {
         match text.as_str() {
             "biped" => Self::Biped,
+            "op3" => Self::Op3,
             path => Self::File(path.into()),
         }
     }
@@ -40,6 +44,7 @@ impl std::fmt::Display for ModelSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Biped => write!(f, "biped"),
+            Self::Op3 => write!(f, "op3"),
             Self::File(path) => write!(f, "{}", path.display()),
         }
     }
@@ -82,6 +87,24 @@ impl LegMap {
             ankle_pitch: name("ankle_pitch"),
             ankle_roll: name("ankle_roll"),
             foot: name("foot"),
+        }
+    }
+
+    /// The names of ROBOTIS OP3. Its pitch joints turn the other way on the other leg, and its hips roll
+    /// about −x.
+    #[must_use]
+    pub fn op3(side: Side) -> Self {
+        let (prefix, left, right) = match side {
+            Side::Left => ("l", "-", ""),
+            Side::Right => ("r", "", "-"),
+        };
+        Self {
+            hip_roll: format!("-{prefix}_hip_roll"),
+            hip_pitch: format!("{left}{prefix}_hip_pitch"),
+            knee: format!("{left}{prefix}_knee"),
+            ankle_pitch: format!("{right}{prefix}_ank_pitch"),
+            ankle_roll: format!("{prefix}_ank_roll"),
+            foot: format!("{prefix}_ank_roll_link"),
         }
     }
 
@@ -133,7 +156,7 @@ impl LegMap {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MujocoConfig {
-    /// The model: `"biped"` or the path of an MJCF file.
+    /// The model: `"biped"`, `"op3"` or the path of an MJCF file.
     pub model: ModelSource,
     /// Names of the left leg.
     pub left: LegMap,
@@ -158,6 +181,9 @@ pub struct MujocoConfig {
     /// Largest torque of a leg joint, either way, > 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_limit_nm: Option<f64>,
+    /// Dry friction in every hinge of the robot, >= 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_friction_nm: Option<f64>,
     /// Largest rate of a leg joint, either way, > 0: what the robot's description says; the simulated
     /// joints do not enforce it.
     pub velocity_limit_rad_s: f64,
@@ -173,6 +199,13 @@ pub struct MujocoConfig {
     /// Leg joints not named rest at (hip, knee, ankle) pitch = (20, −40, 20) deg and rolls 0; other joints at
     /// the model's reference angle.
     pub rest_deg: BTreeMap<String, f64>,
+    /// Whether the state is estimated from what a robot can measure itself, instead of taken from the
+    /// simulator.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub estimated: bool,
+    /// Hardware effects; left out: none. With them the state is always estimated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hardware: Option<HardwareConfig>,
 }
 
 impl Default for MujocoConfig {
@@ -188,11 +221,14 @@ impl Default for MujocoConfig {
             kp_nm_rad: None,
             kv_nms_rad: None,
             torque_limit_nm: None,
+            joint_friction_nm: None,
             velocity_limit_rad_s: 12.0,
             torso_offset_m: [0.0; 3],
             start_joint_noise_deg: 0.0,
             start_velocity_noise_m_s: 0.0,
             rest_deg: BTreeMap::new(),
+            estimated: false,
+            hardware: None,
         }
     }
 }
@@ -271,6 +307,11 @@ impl MujocoConfig {
         }
         self.kv_nms_rad
             .map_or(Ok(()), |value| not_negative("kv_nms_rad", value))?;
+        self.joint_friction_nm
+            .map_or(Ok(()), |value| not_negative("joint_friction_nm", value))?;
+        self.hardware
+            .as_ref()
+            .map_or(Ok(()), HardwareConfig::validate)?;
         not_negative("start_joint_noise_deg", self.start_joint_noise_deg)?;
         not_negative("start_velocity_noise_m_s", self.start_velocity_noise_m_s)?;
         for value in self.torso_offset_m {
@@ -287,7 +328,7 @@ impl MujocoConfig {
 }
 
 /// An error unless a value is in its domain.
-fn check(
+pub(crate) fn check(
     field: &'static str,
     value: f64,
     good: bool,

@@ -7,7 +7,7 @@ use std::sync::{Arc, Once};
 use mujoco_rs::prelude::{MjData, MjModel, set_log_handler};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
 use mujoco_rs::wrappers::mj_model::{
-    MjtBias, MjtDisableBit, MjtGain, MjtIntegrator, MjtObjBase, MjtSameFrame,
+    MjtBias, MjtDisableBit, MjtGain, MjtIntegrator, MjtJoint, MjtObjBase, MjtSameFrame,
 };
 use sha2::{Digest, Sha256};
 
@@ -16,6 +16,9 @@ use crate::error::MujocoError;
 
 /// The built-in biped, as MJCF text.
 pub const BIPED_XML: &str = include_str!("../models/biped.xml");
+
+/// ROBOTIS OP3, as MJCF text; written from the facts of the open model, with its licence (Apache-2.0).
+pub const OP3_XML: &str = include_str!("../models/op3.xml");
 
 /// Data of a simulation that owns its share of the model.
 pub(crate) type Data = MjData<Arc<MjModel>>;
@@ -80,6 +83,7 @@ pub(crate) fn load(source: &ModelSource) -> Result<MjModel, MujocoError> {
     };
     match source {
         ModelSource::Biped => MjModel::from_xml_string(BIPED_XML),
+        ModelSource::Op3 => MjModel::from_xml_string(OP3_XML),
         ModelSource::File(path) => {
             // MuJoCo's own message does not tell a missing file from a bad one.
             std::fs::metadata(path).map_err(|e| error(e.to_string()))?;
@@ -150,6 +154,16 @@ pub(crate) fn apply(
         }
     }
     tune_servos(&mut model, config, places.servos);
+    if let Some(friction_nm) = config.joint_friction_nm {
+        let own = own_bodies(&model, places.torso);
+        for dof in 0..model.nv() as usize {
+            let joint = model.dof_jntid()[dof] as usize;
+            let hinge = model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE;
+            if hinge && own.contains(&(model.dof_bodyid()[dof] as usize)) {
+                model.dof_frictionloss_mut()[dof] = friction_nm;
+            }
+        }
+    }
     scale_mass(&mut model, config.mass_scale, places.torso);
     shift_torso(&mut model, config.torso_offset_m, places.torso);
 

@@ -254,6 +254,23 @@ impl MujocoRobot {
         }
     }
 
+    /// Torque limit of a driven joint.
+    pub(crate) fn limit_of(&self, axis: &Axis) -> f64 {
+        let axes = self.binding.legs.iter().chain(&self.binding.others);
+        let law = axes.zip(&self.laws).find(|(a, _)| a.joint == axis.joint);
+        law.map_or(f64::INFINITY, |(_, law)| law.limit)
+    }
+
+    /// Sets the angles at which the joints beyond the legs are held from now on, in the order of the
+    /// binding and the model's sign.
+    pub(crate) fn hold_others(&mut self, angles_rad: &[f64]) {
+        let laws = &mut self.laws[self.binding.legs.len()..];
+        for ((axis, law), angle) in self.binding.others.iter_mut().zip(laws).zip(angles_rad) {
+            axis.rest_rad = *angle;
+            law.target = *angle;
+        }
+    }
+
     /// Computes the torques of our own PD laws from the present angles and rates.
     fn drive(&mut self) {
         let axes = self.binding.legs.iter().chain(&self.binding.others);
@@ -549,7 +566,12 @@ fn laws(model: &MjModel, config: &MujocoConfig, binding: &Binding) -> Vec<Law> {
 }
 
 /// The limits of a joint, in Stridemap's sign.
-fn limits(model: &MjModel, axis: &Axis, config: &MujocoConfig, torque_nm: f64) -> JointLimits {
+pub(crate) fn limits(
+    model: &MjModel,
+    axis: &Axis,
+    config: &MujocoConfig,
+    torque_nm: f64,
+) -> JointLimits {
     let [lower, upper] = match model.jnt_limited()[axis.joint] {
         true => model.jnt_range()[axis.joint],
         false => [-std::f64::consts::PI, std::f64::consts::PI],

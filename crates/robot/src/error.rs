@@ -16,6 +16,44 @@ pub enum RobotError {
         /// The value given.
         value_rad: f64,
     },
+    /// A command or a reading does not have one number per joint; nothing was sent.
+    #[error("{found} numbers for {expected} joints (nothing was sent)")]
+    CommandLength {
+        /// Joints of the machine.
+        expected: usize,
+        /// Numbers given.
+        found: usize,
+    },
+    /// A command is NaN or infinite; it was not sent.
+    #[error("command of {joint} is {value_rad} rad; commands must be finite (nothing was sent)")]
+    JointNotFinite {
+        /// The machine's name of the joint.
+        joint: String,
+        /// The value given.
+        value_rad: f64,
+    },
+    /// The joint map does not fit the machine.
+    #[error("joint map: {joint:?} {why}")]
+    JointMap {
+        /// The name in the map.
+        joint: String,
+        /// What is wrong with it.
+        why: &'static str,
+    },
+    /// A kinematic model makes no sense.
+    #[error("the kinematic model has {what}")]
+    Kinematics {
+        /// What it has.
+        what: &'static str,
+    },
+    /// The link to the robot failed, or a guard of the link stepped in.
+    #[error("link at {time_s:.3} s: {what}")]
+    Link {
+        /// Robot time.
+        time_s: f64,
+        /// What happened.
+        what: String,
+    },
     /// The robot cannot do this.
     #[error("this robot does not support {what}")]
     Unsupported {

@@ -284,6 +284,10 @@ impl<R: Robot> Robot for Guarded<R> {
         Ok(self.inner.state())
     }
 
+    fn true_state(&self) -> Option<&RobotState> {
+        self.inner.true_state()
+    }
+
     fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
         self.inner.set_push(force_n)
     }

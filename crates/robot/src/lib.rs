@@ -10,15 +10,23 @@
 
 pub mod contract;
 mod error;
+mod estimator;
 mod guard;
+pub mod kinematics;
 mod legs;
+mod machine;
+mod remote;
 mod robot;
 mod shape;
 mod state;
 
 pub use error::RobotError;
+pub use estimator::{EstimatedRobot, Estimator};
 pub use guard::{GuardCounts, GuardLimits, Guarded};
+pub use kinematics::{Body, BodyPoint, Hinge, KinematicModel, Placement};
 pub use legs::{JointTargets, LEG_JOINTS, LegJoint, Legs, Side};
+pub use machine::{JointMap, Machine, MappedJoint, SensorFrame, check_command};
+pub use remote::Ros2Config;
 pub use robot::{JointLimits, Robot, RobotDescription};
 pub use shape::{Pose, Shape, ShapeKind};
 pub use state::{BaseState, CentreOfMass, FootState, JointState, RobotState};

@@ -66,6 +66,12 @@ pub trait Robot: Send {
     /// The state after the last reset or step.
     fn state(&self) -> &RobotState;
 
+    /// Where the robot truly is, where a simulator knows it and [`state`](Self::state) is only an
+    /// estimate. `None` where the state is the truth, and for every real robot.
+    fn true_state(&self) -> Option<&RobotState> {
+        None
+    }
+
     /// Commands the joints for one control period and returns the state at its end.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{RobotState, Side};
 
+use crate::lateral::{LateralConfig, LateralDetector};
 use crate::pendulum::{Pendulum, PendulumBase, pendulum};
 use crate::stance::{StanceConfig, StanceDetector};
 
@@ -34,6 +35,10 @@ pub struct SectionConfig {
     pub roll_rate_filter_s: f64,
     /// Least time between two sections; crossings that come sooner are passed over.
     pub refractory_s: f64,
+    /// Finds the section as the turning point of the sway instead, for robots whose sensors are too
+    /// noisy for a roll rate; the roll rate's filter is then not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lateral: Option<LateralConfig>,
 }
 
 impl Default for SectionConfig {
@@ -43,6 +48,7 @@ impl Default for SectionConfig {
             stance: StanceConfig { load_share: 0.6 },
             roll_rate_filter_s: 0.01,
             refractory_s: 0.0,
+            lateral: None,
         }
     }
 }
@@ -74,7 +80,9 @@ impl SectionConfig {
                 });
             }
         }
-        Ok(())
+        self.lateral
+            .as_ref()
+            .map_or(Ok(()), LateralConfig::validate)
     }
 }
 
@@ -116,6 +124,8 @@ pub struct SectionDetector {
     last: Option<Sample>,
     crossed_in_this_stance: bool,
     last_crossing_s: Option<f64>,
+    /// The other way of finding it, which then replaces all of the above.
+    lateral: Option<LateralDetector>,
 }
 
 impl SectionDetector {
@@ -132,6 +142,9 @@ impl SectionDetector {
             last: None,
             crossed_in_this_stance: false,
             last_crossing_s: None,
+            lateral: config
+                .lateral
+                .map(|lateral| LateralDetector::new(lateral, &config)),
         })
     }
 
@@ -141,22 +154,31 @@ impl SectionDetector {
         self.last = None;
         self.crossed_in_this_stance = false;
         self.last_crossing_s = None;
+        if let Some(lateral) = &mut self.lateral {
+            lateral.reset();
+        }
     }
 
     /// The leg that the robot stands on, as far as it is known.
     #[must_use]
     pub fn stance(&self) -> Option<Side> {
-        self.last.map(|sample| sample.pendulum.stance)
+        self.pendulum().map(|pendulum| pendulum.stance)
     }
 
     /// The pendulum at the last tick; `None` before the first stance.
     #[must_use]
     pub fn pendulum(&self) -> Option<Pendulum> {
-        self.last.map(|sample| sample.pendulum)
+        match &self.lateral {
+            Some(lateral) => lateral.pendulum(),
+            None => self.last.map(|sample| sample.pendulum),
+        }
     }
 
     /// Takes the newest state; tells whether a section was crossed since the one before.
     pub fn update(&mut self, state: &RobotState) -> Option<Crossing> {
+        if let Some(lateral) = &mut self.lateral {
+            return lateral.update(state);
+        }
         let stance = self.stance.update(state)?;
         let pendulum = pendulum(state, stance, self.config.pendulum_base)?;
         let before = self.last.filter(|sample| sample.pendulum.stance == stance);

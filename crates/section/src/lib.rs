@@ -12,9 +12,11 @@
 //!   doi:10.1007/s10514-009-9133-z.
 
 mod detector;
+mod lateral;
 mod pendulum;
 mod stance;
 
 pub use detector::{Crossing, SectionConfig, SectionDetector, SectionError};
+pub use lateral::LateralConfig;
 pub use pendulum::{Pendulum, PendulumBase, pendulum};
 pub use stance::{StanceConfig, StanceDetector};

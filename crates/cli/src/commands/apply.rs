@@ -12,6 +12,7 @@ use stridemap_lab::{
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 
+use super::robot::{Answers, here, plant};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -27,7 +28,7 @@ fn task_and_policy(
 ) -> Result<(Task, SavedPolicy), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     let policy = if nominal {
-        Algorithm::new(&run.task, 0)?.nominal_policy()?
+        Algorithm::new(&here(&run.task), 0)?.nominal_policy()?
     } else {
         run.policy()?
     };
@@ -55,7 +56,7 @@ pub fn evaluate(
         return Err(Failure::request("--strides must be at least 1"));
     }
     let (task, policy) = task_and_policy(path, nominal, common)?;
-    let mut plant = task.plant()?;
+    let mut plant = plant(&task, common, &Answers::default(), None)?;
     let batch = Batch {
         iteration: 0,
         phase: StridePhase::Record,
@@ -114,13 +115,15 @@ pub fn run(
     let (task, policy) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
-            let task = builtin::load(name, &common.sets)?.task;
-            let policy = Algorithm::new(&task, 0)?.nominal_policy()?;
+            let task = builtin::load(name, &common.sets)?
+                .on(common.robot.map(Into::into), common.seed)?
+                .task;
+            let policy = Algorithm::new(&here(&task), 0)?.nominal_policy()?;
             (task, policy)
         }
         (None, None) => return Err(Failure::request("run needs a RUN or --nominal TASK")),
     };
-    let mut plant = task.plant()?;
+    let mut plant = plant(&task, common, &Answers::default(), None)?;
     let mut rng = stream(common.seed, Role::Run, 0);
     let table = TransitionTable::new(plant.spec());
     let mut rows = vec![table.header()];
@@ -223,7 +226,7 @@ pub fn push(
         ));
     }
     let (task, policy) = task_and_policy(path, nominal, common)?;
-    let mut plant = task.plant()?;
+    let mut plant = plant(&task, common, &Answers::default(), None)?;
     let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
     // Pushes of another robot than the run's own are not part of the run.
     let into_run = common.sets.is_empty().then_some(path);

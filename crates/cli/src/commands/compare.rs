@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use stridemap_lab::run::files;
 use stridemap_lab::{
-    ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, builtin, compare_seed, learning_curves,
+    ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, Steered, builtin, can_steer,
+    compare_seed, learning_curves, steer,
 };
 use stridemap_learn::{Policy, SavedPolicy};
 use stridemap_report::figures::{Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig8, fig9};
@@ -96,7 +97,9 @@ pub fn run_arms(
     if seeds == 0 {
         return Err(Failure::request("--seeds must be at least 1"));
     }
-    let task = builtin::load(name, &common.sets)?.task;
+    let task = builtin::load(name, &common.sets)?
+        .on(common.robot.map(Into::into), common.seed)?
+        .task;
     let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
     let progress = SeedProgress::new(list.len());
     let arms = parallel::over(&list, common.threads, |&seed| {
@@ -182,9 +185,14 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
 
 /// Runs the comparison, writes its figures, prints its table.
 pub fn compare(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
-    let task = builtin::load(name, &common.sets)?.task;
-    if task.caution.is_some() && seeds > 0 {
-        return super::learners::compare(&task, seeds, out, common);
+    let loaded =
+        builtin::load(name, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
+    // On a robot that is known by its sensors alone there is no "full model" to learn on.
+    if loaded.task.robot.estimated && can_steer(&loaded.task) {
+        return controls(name, seeds, out, common);
+    }
+    if loaded.task.caution.is_some() && seeds > 0 {
+        return super::learners::compare(&loaded.task, seeds, out, common);
     }
     let (comparison, arms) = run_arms(name, seeds, common)?;
     let dir = out.map_or_else(
@@ -240,5 +248,122 @@ pub fn compare(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> R
         if f.gp_better_late { "is too" } else { "is not" }
     ));
     output::line(format!("{}", dir.join("fig8.svg").display()));
+    Ok(())
+}
+
+/// One way of choosing actions, over seeds.
+#[derive(Clone, Debug, Serialize)]
+struct ControlOverSeeds {
+    name: String,
+    /// Strides on the robot before it was measured.
+    strides: usize,
+    /// |mean psi_roll - target|, as the robot estimates it.
+    error_deg: Quantiles,
+    /// The same, as the simulator knows it.
+    true_error_deg: Option<Quantiles>,
+    /// Signed mean psi_roll of each seed.
+    mean_psi_roll_deg: Vec<f64>,
+    falls: usize,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Quantiles {
+    median: f64,
+    p90: f64,
+    worst: f64,
+}
+
+impl Quantiles {
+    fn of(values: &[f64]) -> Self {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let index = (share * sorted.len() as f64).ceil() as usize;
+            sorted
+                .get(index.saturating_sub(1))
+                .copied()
+                .unwrap_or(f64::NAN)
+        };
+        Self {
+            median: super::learn::median(values),
+            p90: at(0.9),
+            worst: at(1.0),
+        }
+    }
+}
+
+/// What `compare` prints for a task that steers psi_roll on a robot known by its sensors.
+#[derive(Clone, Debug, Serialize)]
+struct Controls {
+    experiment: String,
+    seeds: u64,
+    target_deg: f64,
+    controls: Vec<ControlOverSeeds>,
+}
+
+/// The learner beside the controls that need no map.
+fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    if seeds == 0 {
+        return Err(Failure::request("--seeds must be at least 1"));
+    }
+    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let progress = SeedProgress::new(list.len());
+    let task_of = |seed| -> Result<_, Failure> {
+        let loaded = builtin::load(name, &common.sets)?;
+        Ok(loaded.on(common.robot.map(Into::into), seed)?.task)
+    };
+    let rows = parallel::over(&list, common.threads, |&seed| {
+        let result = task_of(seed).and_then(|task| Ok(steer(&task, seed)?));
+        progress.done(&format!("seed {seed}"));
+        result
+    })?;
+    let rows = rows.into_iter().collect::<Result<Vec<Vec<Steered>>, _>>()?;
+    let task = task_of(common.seed)?;
+    let mut names: Vec<&str> = Vec::new();
+    for row in rows.iter().flatten() {
+        if !names.contains(&row.name.as_str()) {
+            names.push(&row.name);
+        }
+    }
+    let over_seeds = names.iter().map(|name| {
+        let of: Vec<&Steered> = rows.iter().flatten().filter(|r| r.name == *name).collect();
+        let errors: Vec<f64> = of.iter().map(|r| r.error_deg).collect();
+        let truths: Option<Vec<f64>> = of.iter().map(|r| r.true_error_deg).collect();
+        ControlOverSeeds {
+            name: (*name).to_owned(),
+            strides: of.iter().map(|r| r.strides).max().unwrap_or(0),
+            error_deg: Quantiles::of(&errors),
+            true_error_deg: truths.map(|t| Quantiles::of(&t)),
+            mean_psi_roll_deg: of.iter().map(|r| r.performance.mean_psi_roll_deg).collect(),
+            falls: of.iter().map(|r| r.falls + r.performance.falls).sum(),
+        }
+    });
+    let shown = Controls {
+        experiment: task.name.clone(),
+        seeds,
+        target_deg: task.target_deg().unwrap_or(0.0),
+        controls: over_seeds.collect(),
+    };
+    if let Some(dir) = out {
+        files::create_dir(dir)?;
+        files::write_json(&dir.join("controls.json"), &shown)?;
+    }
+    if common.json {
+        return output::json(&shown);
+    }
+    output::line(format!(
+        "{}: |mean psi_roll - {}| over {} strides, deg, {seeds} seeds: median / 90 % / worst (true)",
+        shown.experiment, shown.target_deg, task.record.strides
+    ));
+    for c in &shown.controls {
+        let (e, t) = (c.error_deg, c.true_error_deg);
+        let truth = t.map_or(String::new(), |t| {
+            format!("   ({:.2} / {:.2} / {:.2})", t.median, t.p90, t.worst)
+        });
+        output::line(format!(
+            "  {:<36} {:>3} strides   {:.2} / {:.2} / {:.2}{truth}   {} falls",
+            c.name, c.strides, e.median, e.p90, e.worst, c.falls
+        ));
+    }
     Ok(())
 }

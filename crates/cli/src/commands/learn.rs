@@ -6,8 +6,9 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Summary, Watcher};
-use stridemap_lab::{Algorithm, LabError, Performance, Task, builtin};
+use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin};
 
+use super::robot::{Answers, algorithm};
 use super::{provenance, run_path};
 use crate::args::Common;
 use crate::failure::Failure;
@@ -45,6 +46,9 @@ fn start(
     stop: &Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
 ) -> Result<Summary, Failure> {
+    let loaded = &loaded
+        .clone()
+        .on(common.robot.map(Into::into), common.seed)?;
     let record = provenance("learn", name, &loaded.task, common)?;
     let mut directory = RunDirectory::create(
         path,
@@ -54,13 +58,31 @@ fn start(
         Arc::clone(stop),
         watcher,
     )?;
-    let mut algorithm = Algorithm::new(&loaded.task, common.seed)?;
-    finish(&mut algorithm, &mut directory)
+    let answers = Answers::default();
+    let mut algorithm = algorithm(
+        &loaded.task,
+        common.seed,
+        Progress::default(),
+        common,
+        &answers,
+        Some(path),
+    )?;
+    finish(&mut algorithm, &mut directory, &answers)
 }
 
 /// Runs what is missing and writes the summary, also when something goes wrong on the way.
-fn finish(algorithm: &mut Algorithm<'_>, directory: &mut RunDirectory) -> Result<Summary, Failure> {
+fn finish(
+    algorithm: &mut Algorithm<'_>,
+    directory: &mut RunDirectory,
+    answers: &Answers,
+) -> Result<Summary, Failure> {
     let result = algorithm.learn(directory);
+    for (asked, answered) in answers.lock().map(|a| a.clone()).unwrap_or_default() {
+        directory.event(
+            "asked",
+            serde_json::json!({ "asked": asked, "answered": if answered { "yes" } else { "no" } }),
+        )?;
+    }
     let summary = directory.write_summary(&algorithm.progress);
     match result {
         Ok(()) => {
@@ -91,8 +113,16 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
     let watcher = Box::new(RunProgress::new(&task));
     let (mut directory, progress) =
         RunDirectory::resume(path, &task, provenance.seed, stop_flag(), watcher)?;
-    let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
-    let summary = finish(&mut algorithm, &mut directory)?;
+    let answers = Answers::default();
+    let mut algorithm = algorithm(
+        &task,
+        provenance.seed,
+        progress,
+        common,
+        &answers,
+        Some(path),
+    )?;
+    let summary = finish(&mut algorithm, &mut directory, &answers)?;
     super::report::draw(path)?;
     show(&task, &summary, path, common.json)
 }

@@ -7,6 +7,7 @@ pub mod learn;
 pub mod learners;
 pub mod report;
 pub mod reproduce;
+pub mod robot;
 pub mod task;
 pub mod verbs;
 
@@ -29,6 +30,12 @@ fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
 fn command_line(verb: &str, task: &str, common: &Common) -> String {
     let mut words = vec!["stridemap".to_owned(), verb.into(), task.into()];
     words.push(format!("--seed {}", common.seed));
+    if let Some(robot) = common.robot {
+        words.push(format!(
+            "--robot {}",
+            stridemap_lab::RobotChoice::from(robot).name()
+        ));
+    }
     words.extend(common.sets.iter().map(|set| format!("--set {set}")));
     words.join(" ")
 }

@@ -11,7 +11,9 @@ use crate::output;
 
 /// Looks at a task and says whether it can work.
 pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
-    let task = builtin::load(name, &common.sets)?.task;
+    let task = builtin::load(name, &common.sets)?
+        .on(common.robot.map(Into::into), common.seed)?
+        .task;
     let report = look(&task, common.seed)?;
     if common.json {
         output::json(&report)?;

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
-use stridemap_lab::{Algorithm, Performance, Phase, builtin, fit_map};
+use stridemap_lab::{Algorithm, Performance, Phase, Progress, builtin, fit_map};
 use stridemap_returnmap::{LearnedMap, SavedMap};
 
-use super::{provenance, run_path};
+use super::{provenance, robot, run_path};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -29,7 +29,14 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         let watcher = Box::new(RunProgress::new(&task));
         let (mut directory, progress) =
             RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-        let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+        let mut algorithm = robot::algorithm(
+            &task,
+            provenance.seed,
+            progress,
+            common,
+            &robot::Answers::default(),
+            Some(run),
+        )?;
         if algorithm.progress.policies.len() < algorithm.progress.iterations.len() {
             return Err(Failure::request(format!(
                 "{}: this batch is collected; `stridemap improve` the policy in its map first",
@@ -39,15 +46,52 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         algorithm.collect(&mut directory)?;
         return show_batch(&algorithm, &mut directory, common.json);
     }
-    let loaded = builtin::load(task_or_run, &common.sets)?;
+    let loaded =
+        builtin::load(task_or_run, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
     let path = run_path(out, &loaded.task, common.seed);
     let record = provenance("collect", task_or_run, &loaded.task, common)?;
     let watcher = Box::new(RunProgress::new(&loaded.task));
     let (task, resolved) = (&loaded.task, &loaded.resolved);
     let mut directory = RunDirectory::create(&path, task, resolved, &record, stop_flag(), watcher)?;
-    let mut algorithm = Algorithm::new(task, common.seed)?;
+    let mut algorithm = robot::algorithm(
+        task,
+        common.seed,
+        Progress::default(),
+        common,
+        &robot::Answers::default(),
+        Some(&path),
+    )?;
     algorithm.collect(&mut directory)?;
     show_batch(&algorithm, &mut directory, common.json)
+}
+
+/// Makes strides from a robot's log.
+pub fn collect_from(
+    task: &str,
+    log: &Path,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
+    let task = builtin::load(task, &common.sets)?
+        .on(common.robot.map(Into::into), common.seed)?
+        .task;
+    let transitions = robot::strides_of_log(&task, log)?;
+    let table = TransitionTable::new(&task.process_spec()?);
+    let mut rows = vec![table.header()];
+    rows.extend(transitions.iter().map(|t| table.row(t)));
+    match out {
+        Some(path) => {
+            files::write_whole(path, (rows.join("\n") + "\n").as_bytes())?;
+            output::note(format!(
+                "{} strides; next: stridemap fit {} --task {}",
+                transitions.len(),
+                path.display(),
+                task.name
+            ));
+        }
+        None => rows.iter().for_each(output::line),
+    }
+    Ok(())
 }
 
 #[derive(Serialize)]
@@ -153,7 +197,8 @@ pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
     let watcher = Box::new(RunProgress::new(&task));
     let (mut directory, progress) =
         RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-    let mut algorithm = Algorithm::resume(&task, provenance.seed, progress)?;
+    let simulated = robot::here(&task);
+    let mut algorithm = Algorithm::resume(&simulated, provenance.seed, progress)?;
     let (policies, iterations) = (
         algorithm.progress.policies.len(),
         algorithm.progress.iterations.len(),

@@ -210,6 +210,7 @@ impl TransitionTable {
                 next_state: numbers(&self.states, "next_")?,
                 reward: number("reward")?,
                 end: ends[word("end", &ends.map(StrideEnd::name))?],
+                true_psi_roll_deg: None,
                 measures: StrideMeasures {
                     duration_s: optional("stride_duration_s")?,
                     forward_m: optional("stride_forward_m")?,
@@ -264,6 +265,7 @@ mod tests {
             next_state: smallvec::smallvec![1e-300],
             reward: -0.25,
             end: StrideEnd::Crossing,
+            true_psi_roll_deg: None,
             measures: StrideMeasures {
                 energy_j: 12.5,
                 ..Default::default()

@@ -1,0 +1,35 @@
+//! Robots behind ROS 2.
+//!
+//! ```text
+//! controller process                                robot process, or a real robot
+//! EstimatedRobot ─ RemoteMachine ══ DDS topics ══ serve ─ CommandGuard ─ Machine
+//!                       │
+//!                     Journal (MCAP)
+//! ```
+//!
+//! [`RemoteMachine`] is a [`Machine`](stridemap_robot::Machine) over DDS, so that the estimator, the gait, the
+//! section and the learner are the same code as on a simulated robot. [`serve`] is the other end: it publishes
+//! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing leaves this machine unless
+//! the configuration names another network interface.
+
+mod error;
+mod faults;
+mod guard;
+mod journal;
+mod messages;
+mod node;
+mod remote;
+mod replay;
+mod server;
+
+pub use error::LinkError;
+pub use faults::{FaultRow, fault_table};
+pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
+pub use journal::{Journal, LoggedMachine, SharedJournal};
+pub use messages::{
+    Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
+};
+pub use node::Topics;
+pub use remote::{LinkCounts, Operator, RemoteMachine, Yes};
+pub use replay::{LoggedEpisode, ReplayMachine, SharedActions, read_log};
+pub use server::{Serve, ServerReport, Status, send_stop, serve};

@@ -1,0 +1,16 @@
+//! Every row of the fault table is as it must be, on a running link.
+
+use stridemap_link::fault_table;
+use stridemap_robot::Ros2Config;
+
+#[test]
+fn every_fault_is_met() {
+    let link = Ros2Config {
+        domain: 100,
+        ..Ros2Config::default()
+    };
+    let rows = fault_table(&link).unwrap();
+    let bad: Vec<_> = rows.iter().filter(|row| !row.ok).collect();
+    assert!(bad.is_empty(), "{bad:#?}");
+    assert!(rows.len() >= 18, "{}", rows.len());
+}

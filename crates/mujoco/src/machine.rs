@@ -1,0 +1,416 @@
+//! A simulated robot seen as a machine: every servo, every sensor, and what hardware does to both.
+
+use std::collections::VecDeque;
+
+use mujoco_rs::wrappers::mj_model::{MjtJoint, MjtObjBase};
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use stridemap_robot::{
+    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointLimits, JointMap, JointState,
+    JointTargets, KinematicModel, Legs, Machine, Pose, Robot, RobotError, RobotState, SensorFrame,
+    Shape, check_command,
+};
+
+use crate::binding::{Axis, Binding};
+use crate::config::MujocoConfig;
+use crate::engine::{allocation, load, name_of, own_bodies};
+use crate::error::MujocoError;
+use crate::hardware::{HardwareConfig, Individual};
+use crate::robot::{MujocoRobot, limits};
+use crate::sole;
+
+use mujoco_rs::prelude::MjData;
+
+/// A simulated machine: commands for every joint in, readings of every sensor out.
+///
+/// With hardware effects the body itself is changed (friction, masses, servos), commands and readings
+/// are late, noisy and biased, and a few commands are lost. Without, readings are exact.
+pub struct SimulatedMachine {
+    robot: MujocoRobot,
+    hardware: Option<(HardwareConfig, Individual)>,
+    joint_names: Vec<String>,
+    limits: Vec<JointLimits>,
+    period_s: f64,
+    rng: ChaCha8Rng,
+    /// Commands under way; the front one acts next.
+    commands: VecDeque<Vec<f64>>,
+    acting: Vec<f64>,
+    /// Readings under way; the front one is the next to be told.
+    readings: VecDeque<SensorFrame>,
+    frame: SensorFrame,
+}
+
+impl SimulatedMachine {
+    /// A machine from a configuration, with its hardware effects if it has any.
+    ///
+    /// # Errors
+    ///
+    /// [`MujocoError`], as [`MujocoRobot::new`]; or a value of the hardware out of its domain.
+    pub fn new(config: &MujocoConfig) -> Result<Self, MujocoError> {
+        let ideal = MujocoConfig {
+            hardware: None,
+            estimated: false,
+            ..config.clone()
+        };
+        let robot = match &config.hardware {
+            None => MujocoRobot::new(ideal)?,
+            Some(hardware) => {
+                hardware.validate()?;
+                MujocoRobot::new(hardware.body_of(&ideal))?
+            }
+        };
+        let axes = robot.axes_by_joint();
+        let joint_names = axes
+            .iter()
+            .map(|axis| name_of(&robot.model, MjtObjBase::mjOBJ_JOINT, axis.joint))
+            .collect::<Vec<_>>();
+        let limits = axes
+            .iter()
+            .map(|axis| {
+                let own = Axis {
+                    sign: 1.0,
+                    ..(*axis).clone()
+                };
+                limits(&robot.model, &own, &robot.config, robot.limit_of(axis))
+            })
+            .collect();
+        let hardware = config
+            .hardware
+            .clone()
+            .map(|h| (Individual::new(&h, joint_names.len()), h))
+            .map(|(individual, h)| (h, individual));
+        Ok(Self {
+            hardware,
+            joint_names,
+            limits,
+            period_s: config.control_period_s,
+            rng: ChaCha8Rng::seed_from_u64(0),
+            commands: VecDeque::new(),
+            acting: Vec::new(),
+            readings: VecDeque::new(),
+            frame: SensorFrame::default(),
+            robot,
+        })
+    }
+
+    /// The simulated robot inside.
+    #[must_use]
+    pub const fn robot(&self) -> &MujocoRobot {
+        &self.robot
+    }
+
+    fn periods(&self, delay_s: f64) -> usize {
+        (delay_s / self.period_s).round().max(0.0) as usize
+    }
+
+    /// What the sensors say now.
+    fn read(&mut self) -> SensorFrame {
+        let truth = self.robot.true_frame();
+        match &self.hardware {
+            None => truth,
+            Some((config, individual)) => individual.read(&truth, config, &mut self.rng),
+        }
+    }
+}
+
+impl Machine for SimulatedMachine {
+    fn name(&self) -> &str {
+        &self.robot.description().name
+    }
+
+    fn joint_names(&self) -> &[String] {
+        &self.joint_names
+    }
+
+    fn control_period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    fn limits(&self) -> &[JointLimits] {
+        &self.limits
+    }
+
+    fn reset(
+        &mut self,
+        command_rad: &[f64],
+        rng: &mut ChaCha8Rng,
+    ) -> Result<&SensorFrame, RobotError> {
+        check_command(command_rad, &self.joint_names)?;
+        let posture = self.robot.legs_of_all(command_rad);
+        self.robot.command_others(command_rad);
+        self.robot.reset(&posture, rng)?;
+        self.acting = command_rad.to_vec();
+        let (command_delay, sensor_delay) = match &self.hardware {
+            None => (0, 0),
+            Some((config, _)) => {
+                self.rng = ChaCha8Rng::seed_from_u64(rng.random());
+                (
+                    self.periods(config.command_delay_s),
+                    self.periods(config.sensor_delay_s),
+                )
+            }
+        };
+        self.commands = (0..command_delay).map(|_| self.acting.clone()).collect();
+        let first = self.read();
+        self.readings = (0..sensor_delay).map(|_| first.clone()).collect();
+        self.frame = first;
+        Ok(&self.frame)
+    }
+
+    fn frame(&self) -> &SensorFrame {
+        &self.frame
+    }
+
+    fn step(&mut self, command_rad: &[f64]) -> Result<&SensorFrame, RobotError> {
+        check_command(command_rad, &self.joint_names)?;
+        let lost = match &self.hardware {
+            None => false,
+            Some((config, _)) => self.rng.random::<f64>() < config.lost_commands,
+        };
+        // A command that is lost leaves the one before in force.
+        let sent = match (lost, self.commands.back()) {
+            (true, Some(before)) => before.clone(),
+            (true, None) => self.acting.clone(),
+            (false, _) => command_rad.to_vec(),
+        };
+        self.commands.push_back(sent);
+        if let Some(next) = self.commands.pop_front() {
+            self.acting = next;
+        }
+        let acting = std::mem::take(&mut self.acting);
+        let stepped = self.robot.step_all(&acting).map(|_| ());
+        self.acting = acting;
+        stepped?;
+        let mut read = self.read();
+        let now_s = read.time_s;
+        if let Some(oldest) = self.readings.pop_front() {
+            self.readings
+                .push_back(std::mem::replace(&mut read, oldest));
+        }
+        // The clock is the machine's own and is not late: a reading is stamped when it is told.
+        read.time_s = now_s;
+        self.frame = read;
+        Ok(&self.frame)
+    }
+
+    fn true_state(&self) -> Option<&RobotState> {
+        Some(self.robot.state())
+    }
+
+    fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
+        self.robot.set_push(force_n)
+    }
+
+    fn engine_seconds(&self) -> Option<f64> {
+        self.robot.engine_seconds()
+    }
+
+    fn geometry(&self) -> Vec<Shape> {
+        self.robot.geometry()
+    }
+
+    fn poses(&self, out: &mut Vec<Pose>) {
+        self.robot.poses(out);
+    }
+}
+
+impl MujocoRobot {
+    /// Every driven joint, in the order of the model.
+    fn axes_by_joint(&self) -> Vec<&Axis> {
+        let mut axes: Vec<&Axis> = (self.binding.legs.iter())
+            .chain(&self.binding.others)
+            .collect();
+        axes.sort_by_key(|axis| axis.joint);
+        axes
+    }
+
+    /// Position of each joint of the model among the driven ones.
+    fn rank_of(&self, axis: &Axis) -> usize {
+        let legs = self.binding.legs.iter().chain(&self.binding.others);
+        legs.filter(|other| other.joint < axis.joint).count()
+    }
+
+    /// The legs of a command of every joint.
+    fn legs_of_all(&self, command_rad: &[f64]) -> JointTargets {
+        JointTargets {
+            position_rad: Legs::from_fn(|side, joint| {
+                let axis = &self.binding.legs[5 * side.index() + joint.index()];
+                axis.sign * command_rad[self.rank_of(axis)]
+            }),
+        }
+    }
+
+    /// Commands the joints beyond the legs.
+    fn command_others(&mut self, command_rad: &[f64]) {
+        let rests: Vec<f64> = (self.binding.others.iter())
+            .map(|axis| command_rad[self.rank_of(axis)])
+            .collect();
+        self.hold_others(&rests);
+    }
+
+    /// One control period with a command for every joint.
+    fn step_all(&mut self, command_rad: &[f64]) -> Result<&RobotState, RobotError> {
+        self.command_others(command_rad);
+        let targets = self.legs_of_all(command_rad);
+        self.step(&targets)
+    }
+
+    /// What perfect sensors would say.
+    fn true_frame(&self) -> SensorFrame {
+        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
+        let (actuator, applied) = (self.data.qfrc_actuator(), self.data.qfrc_applied());
+        let state = self.state();
+        SensorFrame {
+            time_s: state.time_s,
+            joints: (self.axes_by_joint().iter())
+                .map(|axis| JointState {
+                    position_rad: qpos[axis.qpos],
+                    velocity_rad_s: qvel[axis.dof],
+                    torque_nm: actuator[axis.dof] + applied[axis.dof],
+                })
+                .collect(),
+            orientation: state.base.orientation,
+            angular_velocity_rad_s: state.base.angular_velocity_rad_s,
+            loads_n: [state.feet[0].load_n, state.feet[1].load_n],
+        }
+    }
+}
+
+/// The kinematic model of a configuration's robot, as its drawing says: no hardware effects, no changes of
+/// mass. The joints are in the model's order.
+///
+/// # Errors
+///
+/// [`MujocoError`] if the model cannot be loaded, a name is not in it, or a body has a joint that is no hinge
+/// or more than one.
+pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoError> {
+    let model = load(&config.model)?;
+    let binding = Binding::find(&model, config)?;
+    let mut data = MjData::try_new(&model).map_err(allocation)?;
+    data.forward();
+    let name = config.model.to_string();
+    let not_a_biped = |reason: String| MujocoError::NotABiped {
+        model: name.clone(),
+        reason,
+    };
+    let owned = own_bodies(&model, binding.torso);
+    let mut driven: Vec<usize> = (binding.legs.iter().chain(&binding.others))
+        .map(|axis| axis.joint)
+        .collect();
+    driven.sort_unstable();
+    let place = |body: usize| owned.iter().position(|&b| b == body).unwrap_or(0);
+    let mut bodies = Vec::with_capacity(owned.len());
+    for &body in &owned {
+        let joints: Vec<usize> = (0..model.njnt() as usize)
+            .filter(|&j| model.jnt_bodyid()[j] as usize == body && body != binding.torso)
+            .collect();
+        let hinge = match joints[..] {
+            [] => None,
+            [joint] if model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE => Some(Hinge {
+                joint: driven
+                    .iter()
+                    .position(|&j| j == joint)
+                    .unwrap_or(usize::MAX),
+                axis: model.jnt_axis()[joint],
+                anchor_m: model.jnt_pos()[joint],
+            }),
+            _ => {
+                let body = name_of(&model, MjtObjBase::mjOBJ_BODY, body);
+                return Err(not_a_biped(format!(
+                    "the body {body:?} hangs from something else than one hinge, so where it is cannot be \
+                     estimated from joint angles"
+                )));
+            }
+        };
+        bodies.push(Body {
+            parent: place(model.body_parentid()[body] as usize),
+            position_m: model.body_pos()[body],
+            orientation: model.body_quat()[body],
+            mass_kg: model.body_mass()[body],
+            com_m: model.body_ipos()[body],
+            hinge,
+        });
+    }
+    let robot_soles = {
+        let model = std::sync::Arc::new(load(&config.model)?);
+        let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
+        data.forward();
+        sole::find(&model, &data, &binding, &name)?
+    };
+    let soles = [0, 1].map(|side| BodyPoint {
+        body: place(binding.feet[side]),
+        point_m: robot_soles[side].centre_m,
+    });
+    KinematicModel::new(driven.len(), bodies, soles).map_err(|e| not_a_biped(e.to_string()))
+}
+
+/// Names of all joints of a configuration's robot, in the model's order, with the angle at which each is
+/// held at rest (the model's sign).
+///
+/// # Errors
+///
+/// As [`kinematic_model`].
+pub fn joints_at_rest(config: &MujocoConfig) -> Result<Vec<(String, f64)>, MujocoError> {
+    let model = load(&config.model)?;
+    let binding = Binding::find(&model, config)?;
+    let mut axes: Vec<&Axis> = binding.legs.iter().chain(&binding.others).collect();
+    axes.sort_by_key(|axis| axis.joint);
+    Ok(axes
+        .iter()
+        .map(|a| {
+            let name = name_of(&model, MjtObjBase::mjOBJ_JOINT, a.joint);
+            (name, a.rest_rad)
+        })
+        .collect())
+}
+
+/// An estimator for a configuration's robot. `offset_rad` gives, per joint of the machine, its angle where the
+/// model's is zero: 0 for a machine that is zeroed as its model is.
+///
+/// # Errors
+///
+/// As [`kinematic_model`].
+pub fn estimator(config: &MujocoConfig) -> Result<Estimator, MujocoError> {
+    let rest = joints_at_rest(config)?;
+    let names: Vec<String> = rest.iter().map(|(name, _)| name.clone()).collect();
+    let held = |name: &str| {
+        let at = rest.iter().find(|(n, _)| n == name);
+        at.map_or(0.0, |(_, angle)| *angle)
+    };
+    let broken = |e: RobotError| MujocoError::NotABiped {
+        model: config.model.to_string(),
+        reason: e.to_string(),
+    };
+    let map = JointMap::find(
+        &names,
+        |side, joint| config.leg(side).joint(joint),
+        |_| 0.0,
+        held,
+    )
+    .map_err(broken)?;
+    Estimator::new(kinematic_model(config)?, map).map_err(broken)
+}
+
+impl MujocoConfig {
+    /// Builds the robot: the simulation itself, which knows its state; or, where
+    /// [`estimated`](Self::estimated) or [`hardware`](Self::hardware) ask for it, a simulated machine whose
+    /// state is estimated from its sensors.
+    ///
+    /// # Errors
+    ///
+    /// [`MujocoError`], as [`MujocoRobot::new`] and [`kinematic_model`].
+    pub fn build(&self) -> Result<Box<dyn Robot>, MujocoError> {
+        if !self.estimated && self.hardware.is_none() {
+            return Ok(Box::new(MujocoRobot::new(self.clone())?));
+        }
+        let robot =
+            EstimatedRobot::new(SimulatedMachine::new(self)?, estimator(self)?).map_err(|e| {
+                MujocoError::NotABiped {
+                    model: self.model.to_string(),
+                    reason: e.to_string(),
+                }
+            })?;
+        Ok(Box::new(robot))
+    }
+}
