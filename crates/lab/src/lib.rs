@@ -16,6 +16,7 @@
 //!   doi:10.1007/s10514-009-9133-z.
 
 mod algorithm;
+mod analyse;
 pub mod builtin;
 mod careful;
 mod caution;
@@ -37,6 +38,7 @@ mod provenance;
 mod push;
 mod reward;
 pub mod run;
+mod samples;
 pub mod seed;
 mod strides;
 mod task;
@@ -46,6 +48,7 @@ mod walk;
 pub use algorithm::{
     Algorithm, Iteration, NoRecorder, Phase, Progress, Recorder, Seconds, fit_map,
 };
+pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{
@@ -67,6 +70,7 @@ pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
+pub use samples::one_step_error;
 pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,
     make_strides,

@@ -7,6 +7,7 @@ pub mod learn;
 pub mod learners;
 pub mod report;
 pub mod reproduce;
+pub mod samples;
 pub mod task;
 pub mod verbs;
 
