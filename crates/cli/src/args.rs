@@ -246,6 +246,17 @@ pub enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Writes a run as MCAP, which Foxglove and Rerun open; opens it in Rerun where that is installed.
+    View {
+        /// A run directory.
+        run: PathBuf,
+        /// The file. Default: view.mcap in the run.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Only writes the file.
+        #[arg(long)]
+        no_open: bool,
+    },
     /// Looks at a task before anything is learned: robot, joint map, gait, sections, actions.
     Check {
         /// A built-in task or the path of a task file.

@@ -113,6 +113,9 @@ fn run(command: Command) -> Result<(), Failure> {
             common,
         } => commands::reproduce::reproduce(figure, out.as_deref(), seeds, &common),
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
+        Command::View { run, out, no_open } => {
+            commands::report::view(&run, out.as_deref(), no_open)
+        }
         Command::Check { task, common } => commands::task::check(&task, &common),
         Command::Init { file } => commands::task::init(file.as_deref()),
         Command::Bench { json } => commands::bench::bench(json),

@@ -20,6 +20,7 @@ fn short() -> LoadedTask {
         "collect.strides=[6]",
         "algorithm.iterations=2",
         "algorithm.evaluation_strides=4",
+        "algorithm.evaluation_discard=1",
         "learner.actor_critic.trials=10",
         "record.strides=3",
         "record.iteration_strides=2",

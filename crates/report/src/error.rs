@@ -22,6 +22,14 @@ pub enum ReportError {
         /// What was expected, with line and column.
         source: serde_json::Error,
     },
+    /// A run could not be composed as MCAP.
+    #[error("{path}: cannot be composed as MCAP: {reason}")]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// What was wrong.
+        reason: String,
+    },
     /// A CSV file is not a table.
     #[error("{path}: {source}")]
     Csv {

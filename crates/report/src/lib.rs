@@ -22,8 +22,10 @@ pub mod figures;
 mod page;
 mod report;
 pub mod run;
+mod view;
 
 pub use error::{ReportError, Result};
 pub use figure::{Figure, HoverPoint, write_aside};
 pub use page::{report_html, write_report};
 pub use report::{Section, comparison, sections, write_figures};
+pub use view::write_mcap;

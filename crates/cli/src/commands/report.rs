@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use stridemap_report::run::Run;
-use stridemap_report::{write_figures, write_report};
+use stridemap_report::{write_figures, write_mcap, write_report};
 
 use crate::failure::Failure;
 use crate::output;
@@ -42,5 +42,22 @@ pub fn report(paths: &[PathBuf], out: Option<&Path>) -> Result<(), Failure> {
         }
     };
     output::line(format!("{}", page.display()));
+    Ok(())
+}
+
+/// Writes a run as MCAP and opens it in Rerun where that is installed.
+pub fn view(path: &Path, out: Option<&Path>, no_open: bool) -> Result<(), Failure> {
+    let run = read(path)?;
+    let file = out.map_or_else(|| path.join("view.mcap"), Path::to_path_buf);
+    write_mcap(&run, &file)?;
+    output::line(format!("{}", file.display()));
+    if no_open {
+        return Ok(());
+    }
+    // Rerun opens MCAP files by itself; without it the file is for Foxglove, or for later.
+    match std::process::Command::new("rerun").arg(&file).spawn() {
+        Ok(_) => output::note("opening it in Rerun"),
+        Err(_) => output::note("Rerun is not installed here; open the file in Foxglove or Rerun"),
+    }
     Ok(())
 }

@@ -1,0 +1,269 @@
+//! The command as its users meet it: results, exit codes, what is written and what is not.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Overrides that make a run short.
+const SHORT: [&str; 7] = [
+    "--set=collect.strides=[6]",
+    "--set=algorithm.iterations=1",
+    "--set=algorithm.evaluation_strides=0",
+    "--set=learner.actor_critic.trials=10",
+    "--set=record.strides=3",
+    "--set=record.iteration_strides=2",
+    "--set=record.pose_seconds=0.5",
+];
+
+fn stridemap(dir: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_stridemap"))
+        .current_dir(dir)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn learn(dir: &Path, out: &str, more: &[&str]) -> Output {
+    let arguments = [
+        &["learn", "stepping", "--json", "--out", out][..],
+        &SHORT,
+        more,
+    ]
+    .concat();
+    stridemap(dir, &arguments)
+}
+
+fn entries(dir: &Path) -> usize {
+    std::fs::read_dir(dir).unwrap().count()
+}
+
+#[test]
+fn learn_writes_a_run_that_every_other_command_takes_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let summary = json(&learn(dir.path(), "run", &["--seed", "3"]));
+    assert_eq!(summary["experiment"], "stepping");
+    assert_eq!(summary["seed"], 3);
+    assert_eq!(summary["strides"]["training"], 6);
+    assert_eq!(summary["final"]["strides"], 3);
+    assert!(summary["nominal"]["mean_reward"].as_f64().unwrap() < -0.05);
+    let run = dir.path().join("run");
+    for file in [
+        "config.toml",
+        "provenance.json",
+        "transitions.csv",
+        "map/1.json",
+        "policy/final.json",
+        "learning.csv",
+        "events.ndjson",
+        "summary.json",
+        "report.html",
+        "figures/map.svg",
+    ] {
+        assert!(run.join(file).exists(), "{file} is missing");
+    }
+
+    let before = std::fs::read_to_string(run.join("summary.json")).unwrap();
+    let files = entries(&run);
+    let evaluated = json(&stridemap(
+        dir.path(),
+        &[
+            "evaluate",
+            "run",
+            "--strides",
+            "4",
+            "--set",
+            "robot.mass_scale=1.05",
+            "--json",
+        ],
+    ));
+    assert_eq!(
+        (evaluated["strides"].as_u64(), evaluated["falls"].as_u64()),
+        (Some(4), Some(0))
+    );
+    let pushed = json(&stridemap(
+        dir.path(),
+        &["push", "run", "--strides", "16", "--json"],
+    ));
+    assert_eq!(pushed["pairs"], 4);
+    assert!(pushed["slope"].is_number());
+    assert_eq!(
+        entries(&run),
+        files,
+        "evaluate and push leave the run as it was"
+    );
+    assert_eq!(
+        std::fs::read_to_string(run.join("summary.json")).unwrap(),
+        before
+    );
+
+    let fitted = json(&stridemap(
+        dir.path(),
+        &["fit", "run/transitions.csv", "--json"],
+    ));
+    assert_eq!(fitted["samples"], 6);
+    assert!(stridemap(dir.path(), &["report", "run"]).status.success());
+}
+
+#[test]
+fn a_run_is_not_overwritten() {
+    let dir = tempfile::tempdir().unwrap();
+    assert!(learn(dir.path(), "run", &[]).status.success());
+    let again = learn(dir.path(), "run", &[]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(stderr(&again).contains("--resume"), "{}", stderr(&again));
+}
+
+#[test]
+fn a_typo_is_told_with_its_place_and_the_nearest_key_and_nothing_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(
+        dir.path().join("my-robot.toml"),
+        "extends = \"stepping\"\n\n[robot]\nfrictoin = 0.7\n",
+    )
+    .unwrap();
+    let output = stridemap(dir.path(), &["learn", "my-robot.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+    let text = stderr(&output);
+    assert!(
+        text.contains("my-robot.toml:4: robot.frictoin: unknown key"),
+        "{text}"
+    );
+    assert!(
+        text.contains("did you mean `friction`?") && text.contains("allowed:"),
+        "{text}"
+    );
+    assert_eq!(entries(dir.path()), 1, "nothing but the task file");
+
+    for (arguments, expected) in [
+        (vec!["learn", "steping"], "did you mean \"stepping\"?"),
+        (
+            vec!["learn", "stepping", "--set", "map.draw=ful"],
+            "did you mean \"full\"?",
+        ),
+        (
+            vec!["learn", "stepping", "--set", "robot.mass_scale=heavy"],
+            "robot.mass_scale",
+        ),
+        (vec!["learn", "stepping", "--seeds", "0"], "--seeds"),
+        (vec!["push", "nowhere"], "holds no run"),
+        (vec!["report", "nowhere"], "holds no run"),
+        (vec!["learn", "--resume", "nowhere"], "holds no run"),
+        (vec!["learn"], "required"),
+    ] {
+        let output = stridemap(dir.path(), &arguments);
+        assert_eq!(
+            output.status.code(),
+            Some(2),
+            "{arguments:?}: {}",
+            stderr(&output)
+        );
+        assert!(
+            stderr(&output).contains(expected),
+            "{arguments:?}: {}",
+            stderr(&output)
+        );
+    }
+    assert_eq!(entries(dir.path()), 1);
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let dir = tempfile::tempdir().unwrap();
+    for threads in ["1", "2"] {
+        let out = format!("threads-{threads}");
+        let output = learn(dir.path(), &out, &["--seeds", "2", "--threads", threads]);
+        assert_eq!(json(&output)["seeds"], 2);
+    }
+    for file in [
+        "transitions.csv",
+        "record.csv",
+        "learning.csv",
+        "map/1.json",
+        "policy/final.json",
+    ] {
+        for seed in ["stepping-1", "stepping-2"] {
+            let read = |threads: &str| {
+                std::fs::read(dir.path().join(format!("threads-{threads}/{seed}/{file}"))).unwrap()
+            };
+            assert!(read("1") == read("2"), "{seed}/{file}");
+        }
+    }
+}
+
+#[test]
+fn the_verbs_one_by_one_give_what_learn_gives() {
+    let dir = tempfile::tempdir().unwrap();
+    let collect = [
+        &["collect", "stepping", "--json", "--out", "verbs"][..],
+        &SHORT,
+    ]
+    .concat();
+    assert_eq!(json(&stridemap(dir.path(), &collect))["strides"], 6);
+    assert!(
+        stridemap(dir.path(), &["improve", "verbs"])
+            .status
+            .success()
+    );
+    assert!(
+        stridemap(dir.path(), &["evaluate", "verbs", "--strides", "2"])
+            .status
+            .success()
+    );
+    assert!(learn(dir.path(), "learn", &[]).status.success());
+    for file in ["transitions.csv", "map/1.json", "policy/1.json"] {
+        let read = |run: &str| std::fs::read(dir.path().join(run).join(file)).unwrap();
+        assert!(read("verbs") == read("learn"), "{file}");
+    }
+    // What is missing is made by resuming.
+    let resumed = json(&stridemap(
+        dir.path(),
+        &["learn", "--resume", "verbs", "--json"],
+    ));
+    assert_eq!(resumed["final"]["strides"], 3);
+}
+
+#[test]
+fn a_nan_in_a_log_is_told_with_line_and_column() {
+    let dir = tempfile::tempdir().unwrap();
+    assert!(learn(dir.path(), "run", &[]).status.success());
+    let log = std::fs::read_to_string(dir.path().join("run/transitions.csv")).unwrap();
+    let mut lines: Vec<String> = log.lines().map(String::from).collect();
+    let mut cells: Vec<&str> = lines[3].split(',').collect();
+    cells[7] = "NaN";
+    lines[3] = cells.join(",");
+    std::fs::write(dir.path().join("log.csv"), lines.join("\n")).unwrap();
+    let output = stridemap(dir.path(), &["fit", "log.csv"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("log.csv:4: psi_roll_deg"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn init_writes_a_task_file_that_can_be_learned_from() {
+    let dir = tempfile::tempdir().unwrap();
+    assert!(
+        stridemap(dir.path(), &["init", "mine.toml"])
+            .status
+            .success()
+    );
+    let twice = stridemap(dir.path(), &["init", "mine.toml"]);
+    assert_eq!(twice.status.code(), Some(2));
+    let report = json(&stridemap(dir.path(), &["check", "mine.toml", "--json"]));
+    assert_eq!(report["ok"], true);
+}

@@ -1,0 +1,391 @@
+//! A run as an MCAP file: what Foxglove and Rerun open.
+//!
+//! | topic | schema | one message per |
+//! |---|---|---|
+//! | `/nominal/tf`, `/final/tf` | `foxglove.FrameTransforms` | recorded frame |
+//! | `/nominal/robot`, `/final/robot` | `foxglove.SceneUpdate` | recording: the shapes, fixed to their frames |
+//! | `/nominal/feet`, `/final/feet` | `stridemap.Feet` | recorded frame: loads, centre of pressure, push |
+//! | `/nominal/section`, `/final/section` | `stridemap.Section` | stride: state, action, next state, reward |
+//! | `/learning/section` | `stridemap.Section` | training and evaluation stride, with the map's prediction |
+//!
+//! Messages are JSON. Log times are robot times from 0; `/learning/section`, whose strides come from several
+//! starts, counts one second a stride, so that there the time line is the step. Every section also carries its
+//! `step`.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::Path;
+
+use mcap::WriteOptions;
+use mcap::records::MessageHeader;
+use serde_json::{Value, json};
+
+use crate::error::{ReportError, Result};
+use crate::figure::write_aside;
+use crate::run::{Pose, Recording, Run, Shape, ShapeKind, StrideRow};
+
+/// How far the nominal robot stands beside the final one, so that both can be seen at once.
+const BESIDE_M: f64 = 1.2;
+
+/// Messages that share a topic.
+struct Channel {
+    topic: String,
+    schema: &'static str,
+}
+
+/// A message before it is written.
+struct Message {
+    channel: usize,
+    time_s: f64,
+    value: Value,
+}
+
+#[derive(Default)]
+struct Log {
+    channels: Vec<Channel>,
+    messages: Vec<Message>,
+}
+
+impl Log {
+    fn channel(&mut self, topic: String, schema: &'static str) -> usize {
+        self.channels.push(Channel { topic, schema });
+        self.channels.len() - 1
+    }
+
+    fn push(&mut self, channel: usize, time_s: f64, value: Value) {
+        self.messages.push(Message {
+            channel,
+            time_s,
+            value,
+        });
+    }
+}
+
+/// Writes a run as MCAP.
+///
+/// # Errors
+///
+/// [`ReportError::Mcap`] if the file cannot be composed, [`ReportError::Io`] if it cannot be written.
+pub fn write_mcap(run: &Run, path: &Path) -> Result<()> {
+    let mut log = Log::default();
+    for (what, recording) in &run.recordings {
+        let left_m = if what == "final" { 0.0 } else { BESIDE_M };
+        add_recording(&mut log, what, recording, left_m);
+        let strides: Vec<&StrideRow> = run.record.iter().filter(|s| s.what == *what).collect();
+        let channel = log.channel(format!("/{what}/section"), "stridemap.Section");
+        let first_episode = strides.first().map(|s| s.episode);
+        for (step, stride) in strides.iter().enumerate() {
+            // After a fall the robot's clock begins anew; one time line shows one start.
+            if Some(stride.episode) == first_episode {
+                log.push(channel, stride.time_s, section(run, stride, step, None));
+            }
+        }
+    }
+    add_learning(&mut log, run);
+    let bytes = compose(log).map_err(|source| ReportError::Mcap {
+        path: path.to_owned(),
+        reason: source.to_string(),
+    })?;
+    write_aside(path, &bytes)
+}
+
+fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) {
+    let tf = log.channel(format!("/{what}/tf"), "foxglove.FrameTransforms");
+    let feet = log.channel(format!("/{what}/feet"), "stridemap.Feet");
+    for frame in &recording.frames {
+        let transforms: Vec<Value> = frame
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(body, [x, y, z, qw, qx, qy, qz])| {
+                json!({
+                    "timestamp": stamp(frame.time_s),
+                    "parent_frame_id": "world",
+                    "child_frame_id": format!("{what}/{body}"),
+                    "translation": { "x": x, "y": y + left_m, "z": z },
+                    "rotation": { "x": qx, "y": qy, "z": qz, "w": qw },
+                })
+            })
+            .collect();
+        log.push(tf, frame.time_s, json!({ "transforms": transforms }));
+        log.push(
+            feet,
+            frame.time_s,
+            json!({
+                "left_load_n": frame.loads_n[0],
+                "right_load_n": frame.loads_n[1],
+                "centre_of_pressure_m": frame.cop_m,
+                "crossing": frame.crossing,
+                "push_n": frame.push_n,
+            }),
+        );
+    }
+    let scene = log.channel(format!("/{what}/robot"), "foxglove.SceneUpdate");
+    let begin_s = recording.frames.first().map_or(0.0, |f| f.time_s);
+    let entities: Vec<Value> = recording
+        .shapes
+        .iter()
+        .enumerate()
+        .map(|(i, shape)| entity(what, i, shape, begin_s))
+        .collect();
+    log.push(
+        scene,
+        begin_s,
+        json!({ "deletions": [], "entities": entities }),
+    );
+}
+
+/// A shape as a scene entity that moves with its body's frame.
+fn entity(what: &str, index: usize, shape: &Shape, time_s: f64) -> Value {
+    let mut entity = json!({
+        "timestamp": stamp(time_s),
+        "frame_id": format!("{what}/{}", shape.body),
+        "id": format!("{what}/{index}/{}", shape.name),
+        "lifetime": { "sec": 0, "nsec": 0 },
+        "frame_locked": true,
+        "metadata": [], "arrows": [], "cubes": [], "spheres": [], "cylinders": [], "lines": [],
+        "triangles": [], "texts": [], "models": [],
+    });
+    let [r, g, b, a] = shape.rgba;
+    let color = json!({ "r": r, "g": g, "b": b, "a": a });
+    let pose = pose(&shape.pose);
+    let cube = |x: f64, y: f64, z: f64| json!({ "pose": pose, "size": { "x": 2.0 * x, "y": 2.0 * y, "z": 2.0 * z }, "color": color });
+    let (kind, primitive) = match shape.kind {
+        ShapeKind::Box {
+            half_extents_m: [x, y, z],
+        } => ("cubes", cube(x, y, z)),
+        ShapeKind::Sphere { radius_m: r } => ("spheres", cube(r, r, r)),
+        ShapeKind::Ellipsoid {
+            semi_axes_m: [x, y, z],
+        } => ("spheres", cube(x, y, z)),
+        // Foxglove has no capsule: the cylinder reaches to the tips.
+        ShapeKind::Capsule {
+            radius_m,
+            half_length_m,
+        } => (
+            "cylinders",
+            cylinder(&pose, radius_m, half_length_m + radius_m, &color),
+        ),
+        ShapeKind::Cylinder {
+            radius_m,
+            half_length_m,
+        } => (
+            "cylinders",
+            cylinder(&pose, radius_m, half_length_m, &color),
+        ),
+    };
+    entity[kind] = json!([primitive]);
+    entity
+}
+
+fn cylinder(pose: &Value, radius_m: f64, half_length_m: f64, color: &Value) -> Value {
+    json!({
+        "pose": pose,
+        "size": { "x": 2.0 * radius_m, "y": 2.0 * radius_m, "z": 2.0 * half_length_m },
+        "bottom_scale": 1.0,
+        "top_scale": 1.0,
+        "color": color,
+    })
+}
+
+fn pose(pose: &Pose) -> Value {
+    let ([x, y, z], [qw, qx, qy, qz]) = (pose.position_m, pose.orientation);
+    json!({
+        "position": { "x": x, "y": y, "z": z },
+        "orientation": { "x": qx, "y": qy, "z": qz, "w": qw },
+    })
+}
+
+/// Training and evaluation strides in order, each with what the last map predicts from the others.
+fn add_learning(log: &mut Log, run: &Run) {
+    let channel = log.channel("/learning/section".into(), "stridemap.Section");
+    let last = run.maps.last();
+    // The map was fitted to the training strides that reached a section, in this order.
+    let mut fitted = 0;
+    for (step, stride) in run.transitions.iter().enumerate() {
+        let is_datum = stride.role == "training" && stride.end == crate::run::StrideEnd::Crossing;
+        let predictions = is_datum.then(|| {
+            let of_output = |o: &crate::run::MapOutput| {
+                let loo = o.leave_one_out.as_ref()?;
+                let (mean, std) = (loo.mean.get(fitted)?, loo.std.get(fitted)?);
+                Some((o.name.clone(), json!({ "mean": mean, "std": std })))
+            };
+            let outputs = last.map(|m| m.outputs.as_slice()).unwrap_or_default();
+            outputs
+                .iter()
+                .filter_map(of_output)
+                .collect::<BTreeMap<_, _>>()
+        });
+        fitted += usize::from(is_datum);
+        log.push(
+            channel,
+            step as f64,
+            section(run, stride, step, predictions),
+        );
+    }
+}
+
+fn section(
+    run: &Run,
+    stride: &StrideRow,
+    step: usize,
+    predictions: Option<BTreeMap<String, Value>>,
+) -> Value {
+    let named = |names: &[String], values: &[f64]| -> BTreeMap<String, f64> {
+        names.iter().cloned().zip(values.iter().copied()).collect()
+    };
+    json!({
+        "step": step,
+        "iteration": stride.iteration,
+        "time_s": stride.time_s,
+        "stance": stride.stance,
+        "state": named(&run.columns.state, &stride.state),
+        "action": named(&run.columns.action, &stride.action),
+        "next_state": named(&run.columns.state, &stride.next_state),
+        "prediction": predictions,
+        "reward": stride.reward,
+        "end": stride.end,
+    })
+}
+
+fn stamp(time_s: f64) -> Value {
+    let nanoseconds = nanoseconds(time_s);
+    json!({ "sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000 })
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the range"
+)]
+fn nanoseconds(time_s: f64) -> u64 {
+    (time_s.clamp(0.0, 1e9) * 1e9).round() as u64
+}
+
+/// The messages in the order of time, as one file.
+fn compose(mut log: Log) -> std::result::Result<Vec<u8>, mcap::McapError> {
+    log.messages.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let mut bytes = Cursor::new(Vec::new());
+    let options = WriteOptions::new().compression(None).library("stridemap");
+    let mut writer = options.create(&mut bytes)?;
+    let mut ids = Vec::with_capacity(log.channels.len());
+    for channel in &log.channels {
+        let schema = writer.add_schema(channel.schema, "jsonschema", br#"{"type":"object"}"#)?;
+        ids.push(writer.add_channel(schema, &channel.topic, "json", &BTreeMap::new())?);
+    }
+    let mut sequence = vec![0_u32; ids.len()];
+    for message in &log.messages {
+        let time = nanoseconds(message.time_s);
+        let header = MessageHeader {
+            channel_id: ids[message.channel],
+            sequence: sequence[message.channel],
+            log_time: time,
+            publish_time: time,
+        };
+        sequence[message.channel] = sequence[message.channel].wrapping_add(1);
+        writer.write_to_known_channel(&header, message.value.to_string().as_bytes())?;
+    }
+    writer.finish()?;
+    drop(writer);
+    Ok(bytes.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::{Columns, Frame, StrideEnd};
+
+    fn run() -> Run {
+        let stride = |what: &str, time_s: f64| StrideRow {
+            what: what.into(),
+            iteration: 1,
+            role: "training".into(),
+            episode: 0,
+            k: 0,
+            time_s,
+            stance: "left".into(),
+            state: vec![3.0],
+            action: vec![0.5],
+            next_state: vec![2.5],
+            reward: -0.025,
+            end: StrideEnd::Crossing,
+        };
+        let shape = Shape {
+            name: "foot".into(),
+            body: 0,
+            kind: ShapeKind::Box {
+                half_extents_m: [0.1, 0.05, 0.01],
+            },
+            pose: Pose {
+                position_m: [0.0; 3],
+                orientation: [1.0, 0.0, 0.0, 0.0],
+            },
+            rgba: [1.0, 0.0, 0.0, 1.0],
+        };
+        let frame = |time_s: f64| Frame {
+            time_s,
+            poses: vec![[1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]],
+            cop_m: None,
+            loads_n: [1.0, 2.0],
+            crossing: false,
+            push_n: None,
+        };
+        let recording = Recording {
+            format: 1,
+            shapes: vec![shape],
+            period_s: 0.02,
+            frames: vec![frame(4.0), frame(4.02)],
+        };
+        Run {
+            columns: Columns {
+                state: vec!["psi_roll_deg".into()],
+                action: vec!["step_deg".into()],
+            },
+            record: vec![stride("final", 4.5), stride("nominal", 4.4)],
+            transitions: vec![stride("", 5.0), stride("", 5.6)],
+            recordings: vec![("final".into(), recording)],
+            ..Run::default()
+        }
+    }
+
+    #[test]
+    fn every_message_comes_back_on_its_topic_in_the_order_of_time() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("view.mcap");
+        write_mcap(&run(), &path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let mut topics: BTreeMap<String, Vec<(u64, Value)>> = BTreeMap::new();
+        for message in mcap::MessageStream::new(&bytes).unwrap() {
+            let message = message.unwrap();
+            let value = serde_json::from_slice(&message.data).unwrap();
+            topics
+                .entry(message.channel.topic.clone())
+                .or_default()
+                .push((message.log_time, value));
+        }
+        let names: Vec<&str> = topics.keys().map(String::as_str).collect();
+        assert_eq!(
+            names,
+            [
+                "/final/feet",
+                "/final/robot",
+                "/final/section",
+                "/final/tf",
+                "/learning/section"
+            ]
+        );
+        let tf = &topics["/final/tf"];
+        assert_eq!(
+            tf.iter().map(|m| m.0).collect::<Vec<_>>(),
+            [4_000_000_000, 4_020_000_000]
+        );
+        assert_eq!(tf[0].1["transforms"][0]["translation"]["y"], 2.0);
+        assert_eq!(topics["/final/section"].len(), 1);
+        assert_eq!(topics["/final/section"][0].1["action"]["step_deg"], 0.5);
+        assert_eq!(
+            topics["/final/robot"][0].1["entities"][0]["cubes"][0]["size"]["x"],
+            0.2
+        );
+        assert_eq!(topics["/learning/section"][1].1["step"], 1);
+    }
+}
