@@ -17,7 +17,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
         Atkeson (2009), doi:10.1007/s10514-009-9133-z.",
     after_help = "Start with:   stridemap learn stepping\n\
         Your robot:   stridemap init my-robot.toml, edit it, then stridemap check my-robot.toml\n\n\
-        TASK is a built-in task (stepping, stepping-paper) or a TOML file. RUN is a run directory.\n\
+        TASK is a built-in task (stepping, walking, ...) or a TOML file. RUN is a run directory.\n\
         Results go to stdout or files, progress to stderr. Exit codes: 0 done, 1 it went wrong while\n\
         working, 2 the request was wrong (nothing was written)."
 )]
@@ -79,7 +79,7 @@ impl From<RobotName> for stridemap_lab::RobotChoice {
 /// A task and where its run goes.
 #[derive(Clone, Debug, Args)]
 pub struct NewRun {
-    /// A built-in task (stepping, stepping-paper) or the path of a task file.
+    /// A built-in task (stepping, walking, ...) or the path of a task file.
     pub task: String,
     /// Directory of the run. Default: runs/TASK-SEED.
     #[arg(long)]
@@ -100,6 +100,8 @@ pub enum FigureName {
     Fig9,
     /// Return map under pushes.
     Fig10,
+    /// Walking: speed and prediction error against the number of samples (sec. 8.1).
+    Samples,
     /// Every figure, and a table: paper beside ours.
     All,
 }
@@ -132,7 +134,7 @@ pub enum Command {
         learn --resume runs/stepping-1"
     )]
     Learn {
-        /// A built-in task (stepping, stepping-paper) or the path of a task file.
+        /// A built-in task (stepping, walking, ...) or the path of a task file.
         #[arg(required_unless_present = "resume")]
         task: Option<String>,
         /// Directory of the run; with --seeds, of one directory per seed. Default: runs/TASK-SEED.
@@ -252,9 +254,18 @@ pub enum Command {
         #[command(flatten)]
         common: Common,
     },
+    /// What a walking run's data and map are worth: held-out residuals with and without the last action,
+    /// and the flip multiplier of the map beside the robot's own.
+    Analyse {
+        /// A run directory.
+        run: PathBuf,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
+    },
     /// Learning in the map against learning on the robot itself, over seeds (Figs. 8 and 9).
     Compare {
-        /// A built-in task (stepping, stepping-paper) or the path of a task file.
+        /// A built-in task (stepping, walking, ...) or the path of a task file.
         task: String,
         /// Seeds: SEED, SEED+1, ...
         #[arg(long, default_value_t = 5)]

@@ -105,6 +105,7 @@ fn run(command: Command) -> Result<(), Failure> {
             };
             commands::apply::push(&run, config, nominal, out.as_deref(), &common)
         }
+        Command::Analyse { run, common } => commands::apply::analyse(&run, &common),
         Command::Compare {
             task,
             seeds,

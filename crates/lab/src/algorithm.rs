@@ -412,18 +412,12 @@ impl<'a> Algorithm<'a> {
             },
         };
         let policy = self.progress.best_policy().cloned();
-        let (transitions, mut counted) =
-            if let (Some(caution), None) = (&self.task.caution, &policy) {
-                self.explore_under_guard(caution, batch, recorder)?
-            } else {
-                self.strides_on_robot(
-                    policy.as_ref(),
-                    batch,
-                    None,
-                    (Role::Collect, index as u64),
-                    recorder,
-                )?
-            };
+        let (transitions, mut counted) = match (policy, self.task.collect.until_error) {
+            (None, Some(error)) if batch.strides > 0 => {
+                self.collect_until(error, batch, recorder)?
+            }
+            (policy, _) => self.collect_batch(policy.as_ref(), batch, 0, recorder)?,
+        };
         if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
             // Nothing was explored, but thresholds need to know how the robot steps in place.
             let before = self.plant.counters();
@@ -432,10 +426,11 @@ impl<'a> Algorithm<'a> {
             counted = self.plant.counters().since(before);
         }
         let cautious = self.task.caution.is_some() && self.plant.in_place().sections > 0;
+        let made = transitions.len();
         self.progress.transitions.extend(transitions);
         self.progress.iterations.push(Iteration {
             iteration: index + 1,
-            strides: batch.strides,
+            strides: made,
             falls: counted.falls,
             stalls: counted.stalls,
             warm_up: counted.warm_up,
@@ -443,6 +438,23 @@ impl<'a> Algorithm<'a> {
             ..Iteration::default()
         });
         recorder.checkpoint(Phase::Collect, &self.progress)
+    }
+
+    /// One batch for the map; `part` tells the parts of a batch in parts from one another.
+    pub(crate) fn collect_batch(
+        &mut self,
+        policy: Option<&SavedPolicy>,
+        batch: Batch,
+        part: u64,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
+        /// Parts of a batch in parts draw from streams far above those of any iteration.
+        const PARTS: u32 = 32;
+        let index = (batch.iteration as u64 - 1) | (part << PARTS);
+        match (&self.task.caution, policy) {
+            (Some(caution), None) => self.explore_under_guard(caution, batch, index, recorder),
+            _ => self.strides_on_robot(policy, batch, None, (Role::Collect, index), recorder),
+        }
     }
 
     /// Step 3: fits the map to every training stride so far.
@@ -690,7 +702,7 @@ impl<'a> Algorithm<'a> {
 
 /// Standard deviation of residuals by their median magnitude, as if they were normal: a few large ones
 /// do not count.
-fn robust_std(residuals: &[f64]) -> f64 {
+pub(crate) fn robust_std(residuals: &[f64]) -> f64 {
     /// Of a normal distribution: standard deviation over median magnitude.
     const NORMAL: f64 = 1.482_602_218_505_602;
     let mut magnitudes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();

@@ -101,11 +101,12 @@ impl Algorithm<'_> {
         &mut self,
         caution: &CautionConfig,
         batch: Batch,
+        stream_index: u64,
         recorder: &mut dyn Recorder,
     ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
         let before = self.plant.counters();
         let started = Instant::now();
-        let mut rng = stream(self.seed, Role::Collect, (batch.iteration - 1) as u64);
+        let mut rng = stream(self.seed, Role::Collect, stream_index);
         let limits = self.task.action_limits()?;
         let source = ActionSource::Explore(&self.task.collect.explore);
         // A start of its own tells how the robot steps in place; the batch starts afresh.

@@ -16,6 +16,7 @@
 //!   doi:10.1007/s10514-009-9133-z.
 
 mod algorithm;
+mod analyse;
 pub mod builtin;
 mod careful;
 mod caution;
@@ -38,6 +39,7 @@ mod push;
 mod reward;
 mod robots;
 pub mod run;
+mod samples;
 pub mod seed;
 mod steering;
 mod strides;
@@ -48,6 +50,7 @@ mod walk;
 pub use algorithm::{
     Algorithm, Iteration, NoRecorder, Phase, Progress, Recorder, Seconds, fit_map,
 };
+pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{
@@ -71,6 +74,7 @@ pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
 pub use robots::RobotChoice;
+pub use samples::one_step_error;
 pub use steering::{Steered, can_steer, steer};
 pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,

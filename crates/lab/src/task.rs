@@ -64,6 +64,11 @@ pub struct CollectConfig {
     /// Standard deviation of normal noise, per component of the action, added to what the policy
     /// draws from the second iteration on.
     pub later_noise_std: Vec<f64>,
+    /// The first batch goes on, 20 strides at a time, until the map's one-step prediction error at the
+    /// next section is under this: the largest over the components of the state, leave one out, root
+    /// mean square over the spread of the data \[MA09, sec. 8.1\]. Left out: one batch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until_error: Option<f64>,
     /// How the first batch explores.
     pub explore: ExploreConfig,
 }
@@ -401,6 +406,16 @@ impl Task {
             return invalid(
                 "collect.strides".into(),
                 "must begin with at least 1 stride".into(),
+            );
+        }
+        if self
+            .collect
+            .until_error
+            .is_some_and(|e| !(e > 0.0 && e < 1.0))
+        {
+            return invalid(
+                "collect.until_error".into(),
+                "must lie between 0 and 1, in spreads of the data".into(),
             );
         }
         if self.algorithm.iterations == 0 {

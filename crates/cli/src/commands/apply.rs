@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use serde::Serialize;
-use stridemap_lab::run::{FinishedRun, TransitionTable, files};
+use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Algorithm, Batch, LabError, Performance, PushConfig, PushOutcome, StridePhase,
-    StrideRole, Task, Transition, builtin, make_strides, push as push_plant,
+    ActionSource, Algorithm, Batch, LabError, Performance, Proof, PushConfig, PushOutcome,
+    StridePhase, StrideRole, Task, Transition, Walk, Walker, analyse as analyse_run, builtin,
+    drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
@@ -41,7 +42,7 @@ fn task_and_policy(
 #[derive(Serialize)]
 struct Evaluated {
     #[serde(flatten)]
-    performance: Performance,
+    measured: Measured,
     policy: &'static str,
 }
 
@@ -63,22 +64,51 @@ pub fn evaluate(
         role: StrideRole::Record,
         strides: strides + DISCARD,
     };
-    let transitions = make_strides(
-        &mut plant,
-        &ActionSource::Mean(&policy),
-        batch,
-        &mut stream(common.seed, Role::Run, 0),
-        &mut |_, _| {},
-        &mut |_| Ok(()),
-    )?;
+    let mut rng = stream(common.seed, Role::Run, 0);
+    let performance = if let Some(seconds) = task.record.walk_s {
+        // Time ends the walk, whatever --strides says.
+        let batch = Batch {
+            strides: usize::MAX,
+            ..batch
+        };
+        let mut walker = Walker::new(&policy, seconds);
+        let transitions = drive(
+            &mut plant,
+            &mut walker,
+            batch,
+            &mut rng,
+            &mut |_, _| {},
+            &mut |_| Ok(()),
+        )?;
+        Performance {
+            walk: Some(Walk::of(&transitions, seconds)),
+            ..Performance::of(&transitions, DISCARD)
+        }
+    } else {
+        let transitions = make_strides(
+            &mut plant,
+            &ActionSource::Mean(&policy),
+            batch,
+            &mut rng,
+            &mut |_, _| {},
+            &mut |_| Ok(()),
+        )?;
+        Performance::of(&transitions, DISCARD)
+    };
     let shown = Evaluated {
-        performance: Performance::of(&transitions, DISCARD),
+        measured: Measured::from(performance),
         policy: if nominal { "nominal" } else { "learned" },
     };
     if common.json {
         return output::json(&shown);
     }
-    let p = &shown.performance;
+    let p = &shown.measured.performance;
+    if let Some(walk) = p.walk {
+        output::line(format!(
+            "{} policy: {:.3} m/s, upright for {:.1} s, {:+.2} m to the left, heading {:+.0} deg",
+            shown.policy, walk.speed_m_s, walk.upright_s, walk.drift_m, walk.heading_change_deg
+        ));
+    }
     output::line(format!(
         "{} policy: reward {:+.4}, psi_roll {:.2} deg, {} falls, {} stalls in {} strides",
         shown.policy, p.mean_reward, p.mean_psi_roll_deg, p.falls, p.stalls, p.strides
@@ -196,6 +226,40 @@ pub fn run(
         shown.forward_m,
         shown.left_m,
     ));
+    Ok(())
+}
+
+/// Says what a walking run's data and map are worth: held-out residuals, and the flip.
+pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
+    let run = FinishedRun::open(path, &common.sets)?;
+    let proofs = run.progress.proofs();
+    let best = Proof::choice(&proofs)
+        .map(|b| proofs[b].action.clone())
+        .ok_or_else(|| Failure::request("analyse needs a run that has proven a policy"))?;
+    let found = analyse_run(
+        &run.task,
+        &run.progress.transitions,
+        &best,
+        run.provenance.seed,
+    )?;
+    if common.json {
+        return output::json(&found);
+    }
+    let r = &found.pitch_rate_residual_deg_s;
+    output::line(format!(
+        "pitch rate at the next section, {} strides held out: residual {:.3} deg/s with u(k-1), {:.3} \
+         without (by the median: {:.3}, {:.3})",
+        r.strides, r.with_last_action, r.without_last_action, r.robust_with, r.robust_without
+    ));
+    for flip in &found.flips {
+        let action: Vec<String> = flip.action.iter().map(|u| format!("{u:.2}")).collect();
+        output::line(format!(
+            "flip multiplier at [{}]: map {:+.2}, robot {}",
+            action.join(", "),
+            flip.map,
+            flip.robot.map_or("fell".into(), |m| format!("{m:+.2}"))
+        ));
+    }
     Ok(())
 }
 

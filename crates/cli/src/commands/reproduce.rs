@@ -37,6 +37,9 @@ pub fn reproduce(
         || PathBuf::from("runs").join("reproduce"),
         Path::to_path_buf,
     );
+    if figure == FigureName::Samples {
+        return super::samples::samples(&dir, seeds, common);
+    }
     files::create_dir(&dir)?;
     let mut rows = Vec::new();
     let wanted = |name| figure == name || figure == FigureName::All;

@@ -1,0 +1,260 @@
+//! What a walking run's data and map say: what the last action is worth to the map, and the flip of
+//! the map beside the robot's own.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use stridemap_learn::ConstantPolicy;
+use stridemap_returnmap::{LearnedMap, MapInput, StrideEnd};
+
+use crate::algorithm::fit_map;
+use crate::error::{Invalid, LabError};
+use crate::feedback::stride_model;
+use crate::reward::StateComponent;
+use crate::seed::{Role, stream};
+use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, Transition, make_strides};
+use crate::task::Task;
+
+/// Every which stride is held out.
+const FOLDS: usize = 5;
+/// The kick of the free decay, on the action that kicks, deg.
+const KICK_DEG: f64 = 1.0;
+
+/// How well the map predicts the pitch rate at the next section of strides it has not seen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// Root mean square with u(k−1) among the inputs.
+    pub with_last_action: f64,
+    /// Root mean square without.
+    pub without_last_action: f64,
+    /// Median magnitude with u(k−1), as a standard deviation.
+    pub robust_with: f64,
+    /// The same without.
+    pub robust_without: f64,
+    /// Strides predicted.
+    pub strides: usize,
+}
+
+/// The flip at one constant action.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Flip {
+    /// The action.
+    pub action: Vec<f64>,
+    /// Multiplier of the map most negative in real part, at its steady state under this action.
+    pub map: f64,
+    /// The robot's own: the factor from stride to stride by which kicks of ±1 deg decay; null where
+    /// it fell.
+    pub robot: Option<f64>,
+}
+
+/// What `analyse` found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Analysis {
+    /// Predictions of held-out strides.
+    pub pitch_rate_residual_deg_s: HeldOut,
+    /// Flips at three actions inside the data.
+    pub flips: Vec<Flip>,
+}
+
+fn pitch_rate(task: &Task) -> Result<usize, LabError> {
+    let position = task
+        .state
+        .iter()
+        .position(|c| *c == StateComponent::PsiPitchRateDegS);
+    position.ok_or_else(|| {
+        LabError::Invalid(Invalid {
+            key: "state".into(),
+            requirement: "the pitch rate is analysed; it must be a component of the state".into(),
+        })
+    })
+}
+
+fn usable(transitions: &[Transition]) -> Vec<&Transition> {
+    transitions
+        .iter()
+        .filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)
+        .collect()
+}
+
+/// Residuals of the pitch rate over all folds.
+fn residuals(
+    task: &Task,
+    transitions: &[&Transition],
+    component: usize,
+    seed: u64,
+) -> Result<Vec<f64>, LabError> {
+    let mut all = Vec::with_capacity(transitions.len());
+    for fold in 0..FOLDS {
+        let train: Vec<Transition> = transitions
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| i % FOLDS != fold)
+            .map(|(_, t)| (*t).clone())
+            .collect();
+        let map = fit_map(task, &train, seed, 0)?;
+        for t in transitions.iter().skip(fold).step_by(FOLDS) {
+            let (means, _) = map.predict(&t.state, &t.action, &t.last_action)?;
+            all.push(t.next_state[component] - means[component]);
+        }
+    }
+    Ok(all)
+}
+
+fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// Held-out residual of the pitch rate with and without the last action among the map's inputs.
+///
+/// # Errors
+///
+/// [`LabError::TooFewStrides`], or of the map.
+pub fn held_out(task: &Task, transitions: &[Transition], seed: u64) -> Result<HeldOut, LabError> {
+    let component = pitch_rate(task)?;
+    let strides = usable(transitions);
+    let with = |inputs: Vec<MapInput>| {
+        let mut task = task.clone();
+        task.map.inputs = inputs;
+        task.map.min_length_scales = None;
+        residuals(&task, &strides, component, seed)
+    };
+    let seeing = with(vec![
+        MapInput::State,
+        MapInput::Action,
+        MapInput::LastAction,
+    ])?;
+    let blind = with(vec![MapInput::State, MapInput::Action])?;
+    Ok(HeldOut {
+        with_last_action: root_mean_square(&seeing),
+        without_last_action: root_mean_square(&blind),
+        robust_with: crate::algorithm::robust_std(&seeing),
+        robust_without: crate::algorithm::robust_std(&blind),
+        strides: seeing.len(),
+    })
+}
+
+/// The multiplier most negative in real part of the map's state under a constant action: there the
+/// last action is the action, so that it is that of F alone.
+fn flip_of_map(map: &LearnedMap, action: &[f64]) -> Result<f64, LabError> {
+    let model = stride_model(map, action, 0, 1.0)?;
+    let eigenvalues = model.of_state.complex_eigenvalues();
+    Ok(eigenvalues
+        .iter()
+        .map(|e| e.re)
+        .fold(f64::INFINITY, f64::min))
+}
+
+/// The factor from stride to stride by which the robot's state decays after kicks of the first
+/// component of the action by ±1 deg, at a constant action: least squares over the strides after the
+/// kick, on the difference between the kicked run and its twin without a kick.
+fn flip_of_robot(task: &Task, action: &[f64], component: usize) -> Result<Option<f64>, LabError> {
+    const SETTLE: usize = 50;
+    const AFTER: usize = 8;
+    // The kicks act in the stride itself, whatever the task's rate limit.
+    let mut free = task.clone();
+    let mut decays: Vec<(f64, f64)> = Vec::new();
+    free.collect.explore.hold = 1;
+    let mut run = |kick: f64| -> Result<Option<Vec<f64>>, LabError> {
+        let mut plant = free.plant()?;
+        let spec = free.process_spec()?;
+        let base = ConstantPolicy::new(spec, action)?;
+        let kicked = Kick {
+            base: &base,
+            at: SETTLE,
+            kick,
+            k: std::sync::atomic::AtomicUsize::new(0),
+        };
+        let batch = Batch {
+            iteration: 0,
+            phase: StridePhase::Record,
+            role: StrideRole::Record,
+            strides: SETTLE + 2 + AFTER,
+        };
+        let mut rng = stream(0, Role::Check, 3);
+        let transitions = make_strides(
+            &mut plant,
+            &ActionSource::Mean(&kicked),
+            batch,
+            &mut rng,
+            &mut |_, _| {},
+            &mut |_| Ok(()),
+        )?;
+        let stood = transitions.iter().all(|t| t.end == StrideEnd::Crossing);
+        Ok(stood.then(|| {
+            let after = transitions.iter().skip(SETTLE + 1);
+            after.map(|t| t.next_state[component]).collect()
+        }))
+    };
+    let Some(twin) = run(0.0)? else {
+        return Ok(None);
+    };
+    for kick in [KICK_DEG, -KICK_DEG] {
+        let Some(kicked) = run(kick)? else {
+            return Ok(None);
+        };
+        let off: Vec<f64> = kicked.iter().zip(&twin).map(|(a, b)| a - b).collect();
+        decays.extend(off.windows(2).map(|w| (w[0], w[1])));
+    }
+    let x = DMatrix::from_iterator(decays.len(), 1, decays.iter().map(|d| d.0));
+    let y = DVector::from_iterator(decays.len(), decays.iter().map(|d| d.1));
+    let xx = x.norm_squared();
+    Ok((xx > 0.0).then(|| (x.transpose() * y)[0] / xx))
+}
+
+/// A constant, but for one stride.
+struct Kick<'a> {
+    base: &'a ConstantPolicy,
+    at: usize,
+    kick: f64,
+    k: std::sync::atomic::AtomicUsize,
+}
+
+impl stridemap_learn::Policy for Kick<'_> {
+    fn mean(&self, state: &[f64]) -> stridemap_returnmap::Action {
+        let k = self.k.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let mut action = self.base.mean(state);
+        if k == self.at {
+            action[0] += self.kick;
+        }
+        action
+    }
+
+    fn std(&self, state: &[f64]) -> stridemap_returnmap::Action {
+        self.base.std(state)
+    }
+}
+
+/// Analyses a run: held-out residuals, and flips of the map and of the robot at three shares of the
+/// best proven action.
+///
+/// # Errors
+///
+/// [`LabError`] of the room at fault.
+pub fn analyse(
+    task: &Task,
+    transitions: &[Transition],
+    best: &[f64],
+    seed: u64,
+) -> Result<Analysis, LabError> {
+    /// Shares of the way from the nominal gait to the best proven action.
+    const SHARES: [f64; 3] = [0.7, 0.85, 1.0];
+    let component = pitch_rate(task)?;
+    let map = fit_map(task, transitions, seed, 0)?;
+    let limits = task.action_limits()?;
+    let mut flips = Vec::new();
+    for share in SHARES {
+        let action: Vec<f64> = best
+            .iter()
+            .zip(&limits)
+            .map(|(u, l)| l.neutral + share * (u - l.neutral))
+            .collect();
+        flips.push(Flip {
+            map: flip_of_map(&map, &action)?,
+            robot: flip_of_robot(task, &action, component)?,
+            action,
+        });
+    }
+    Ok(Analysis {
+        pitch_rate_residual_deg_s: held_out(task, transitions, seed)?,
+        flips,
+    })
+}

@@ -1,0 +1,89 @@
+//! Walking, made small: the loop with caution keeps its books, its bounds and its seeds.
+
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+use stridemap_lab::run::Summary;
+use stridemap_lab::{Algorithm, LearnerKind, NoRecorder, StrideRole, Task, Verdict, builtin};
+use stridemap_returnmap::StrideEnd;
+
+fn small(name: &str) -> Task {
+    let mut task = builtin::load(name, &[]).unwrap().task;
+    task.collect.strides = vec![40, 0];
+    task.algorithm.iterations = 2;
+    task.algorithm.strides_at_most = Some(90);
+    task.record.walk_s = Some(5.0);
+    task.record.pose_seconds = 0.0;
+    task.collect.warm_up_strides = 4;
+    if let Some(search) = &mut task.learner.search {
+        search.generations = 4;
+    }
+    task.learner.actor_critic.trials = 3;
+    if let Some(caution) = &mut task.caution {
+        caution.proof.trial_strides = 20;
+        caution.proof.proof_strides = 25;
+    }
+    task.validate().unwrap();
+    task
+}
+
+fn learned(task: &Task, seed: u64) -> (Summary, usize) {
+    let mut algorithm = Algorithm::new(task, seed).unwrap();
+    algorithm.learn(&mut NoRecorder).unwrap();
+    let progress = &algorithm.progress;
+    for t in &progress.transitions {
+        assert_eq!(t.role, StrideRole::Training);
+        // Bounds and rates hold on the robot, whoever chose the action.
+        for ((u, last), a) in t.action.iter().zip(&t.last_action).zip(&task.action) {
+            assert!(*u >= a.bounds[0] - 1e-9 && *u <= a.bounds[1] + 1e-9);
+            assert!((u - last).abs() <= a.rate_per_stride.unwrap() + 1e-9);
+        }
+    }
+    let falls = progress
+        .transitions
+        .iter()
+        .filter(|t| t.end == StrideEnd::Fell)
+        .count();
+    (Summary::of(task, seed, progress), falls)
+}
+
+/// Every learner stays within the budget, counts every fall and proves what it calls proven.
+#[test]
+fn every_learner_keeps_the_books() {
+    for kind in [
+        LearnerKind::Search,
+        LearnerKind::Constant,
+        LearnerKind::Linear,
+        LearnerKind::BayesOpt,
+        LearnerKind::CmaEs,
+    ] {
+        let mut task = small("walking");
+        task.learner.kind = kind;
+        let (summary, falls) = learned(&task, 3);
+        let made: usize = summary.iterations.iter().map(|i| i.strides).sum();
+        assert_eq!(made, summary.strides.training, "{kind:?}");
+        assert!(made <= 90, "{kind:?}: {made}");
+        let counted: usize = summary.iterations.iter().map(|i| i.falls).sum();
+        assert_eq!(counted, falls, "{kind:?}");
+        for iteration in &summary.iterations {
+            let proof = iteration.proof.as_ref().unwrap();
+            if proof.verdict == Verdict::Proven {
+                assert_eq!(proof.strides, 25, "{kind:?}");
+            }
+            assert!(iteration.speed_m_s.is_some());
+        }
+        let measured = summary.final_policy.unwrap();
+        assert!(measured.upright_s.unwrap() <= 5.0);
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_policy() {
+    let task = small("walking-single");
+    let without_seconds = |(mut summary, _): (Summary, usize)| {
+        summary.seconds.total = 0.0;
+        summary.seconds.by_work = Default::default();
+        summary
+    };
+    let first = without_seconds(learned(&task, 5));
+    assert_eq!(first, without_seconds(learned(&task, 5)));
+}
