@@ -245,7 +245,7 @@ pub enum Command {
         /// Pushes the nominal gait instead.
         #[arg(long)]
         nominal: bool,
-        /// Writes push.csv and push.json into this directory. Default: nothing is written.
+        /// Where push.csv and push.json go. Default: into the run; nowhere with --set.
         #[arg(long)]
         out: Option<PathBuf>,
         /// Options shared by most commands.

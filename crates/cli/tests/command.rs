@@ -101,8 +101,8 @@ fn learn_writes_a_run_that_every_other_command_takes_up() {
     assert!(pushed["slope"].is_number());
     assert_eq!(
         entries(&run),
-        files,
-        "evaluate and push leave the run as it was"
+        files + 2,
+        "evaluate leaves the run alone, push adds two files"
     );
     assert_eq!(
         std::fs::read_to_string(run.join("summary.json")).unwrap(),

@@ -228,10 +228,20 @@ pub fn push(
     let (task, policy) = task_and_policy(path, nominal, common)?;
     let mut plant = plant(&task, common, &Answers::default(), None)?;
     let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
-    if let Some(out) = out {
-        files::create_dir(out)?;
-        files::write_whole(&out.join("push.csv"), push_table(&outcome).as_bytes())?;
-        files::write_json(&out.join("push.json"), &outcome)?;
+    // Pushes of another robot than the run's own are not part of the run.
+    let into_run = common.sets.is_empty().then_some(path);
+    if let Some(dir) = out.or(into_run) {
+        files::create_dir(dir)?;
+        let stem = if nominal { "push-nominal" } else { "push" };
+        files::write_whole(
+            &dir.join(format!("{stem}.csv")),
+            push_table(&outcome).as_bytes(),
+        )?;
+        files::write_json(&dir.join(format!("{stem}.json")), &outcome)?;
+        output::note(format!(
+            "wrote {stem}.csv and {stem}.json into {0}; `stridemap report {0}` shows them",
+            dir.display()
+        ));
     }
     if common.json {
         return output::json(&outcome);
