@@ -10,7 +10,7 @@ use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin};
 
 use super::robot::{Answers, algorithm};
 use super::{provenance, run_path};
-use crate::args::Common;
+use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
@@ -24,6 +24,12 @@ pub fn learn(
     common: &Common,
 ) -> Result<(), Failure> {
     let loaded = builtin::load(name, &common.sets)?;
+    let linked = loaded.task.link.is_some() || common.robot == Some(RobotName::Ros2);
+    if linked && seeds.is_some() {
+        return Err(Failure::request(
+            "one robot cannot learn several seeds at once: leave out --seeds, or use --robot op3",
+        ));
+    }
     match seeds {
         None => {
             let path = run_path(out, &loaded.task, common.seed);
