@@ -19,6 +19,9 @@ const FOLDS: usize = 5;
 /// The kick of the free decay, on the action that kicks, deg.
 const KICK_DEG: f64 = 1.0;
 
+/// Strides of the ramp from the nominal gait to a constant action.
+const RAMP_STRIDES: f64 = 20.0;
+
 /// How well the map predicts the pitch rate at the next section of strides it has not seen.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
@@ -149,16 +152,21 @@ fn flip_of_map(map: &LearnedMap, action: &[f64]) -> Result<f64, LabError> {
 fn flip_of_robot(task: &Task, action: &[f64], component: usize) -> Result<Option<f64>, LabError> {
     const SETTLE: usize = 50;
     const AFTER: usize = 8;
-    // The kicks act in the stride itself, whatever the task's rate limit.
+    // The action law would spread a kick over many strides: without it the kick is one stride's, and
+    // the way up to the action is a ramp of our own.
     let mut free = task.clone();
+    for action in &mut free.action {
+        (action.gain, action.rate_per_stride) = (1.0, None);
+    }
+    let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
     let mut decays: Vec<(f64, f64)> = Vec::new();
-    free.collect.explore.hold = 1;
-    let mut run = |kick: f64| -> Result<Option<Vec<f64>>, LabError> {
+    let run = |kick: f64| -> Result<Option<Vec<f64>>, LabError> {
         let mut plant = free.plant()?;
         let spec = free.process_spec()?;
         let base = ConstantPolicy::new(spec, action)?;
         let kicked = Kick {
             base: &base,
+            neutral: &neutral,
             at: SETTLE,
             kick,
             k: std::sync::atomic::AtomicUsize::new(0),
@@ -200,9 +208,10 @@ fn flip_of_robot(task: &Task, action: &[f64], component: usize) -> Result<Option
     Ok((xx > 0.0).then(|| (x.transpose() * y)[0] / xx))
 }
 
-/// A constant, but for one stride.
+/// A constant after a ramp, but for one stride.
 struct Kick<'a> {
     base: &'a ConstantPolicy,
+    neutral: &'a [f64],
     at: usize,
     kick: f64,
     k: std::sync::atomic::AtomicUsize,
@@ -211,7 +220,11 @@ struct Kick<'a> {
 impl stridemap_learn::Policy for Kick<'_> {
     fn mean(&self, state: &[f64]) -> stridemap_returnmap::Action {
         let k = self.k.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let share = ((k + 1) as f64 / RAMP_STRIDES).min(1.0);
         let mut action = self.base.mean(state);
+        for (u, n) in action.iter_mut().zip(self.neutral) {
+            *u = n + share * (*u - n);
+        }
         if k == self.at {
             action[0] += self.kick;
         }
