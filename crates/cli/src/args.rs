@@ -273,6 +273,10 @@ pub enum Command {
         /// Writes the figures and their data into this directory. Default: runs/compare-TASK-SEED.
         #[arg(long)]
         out: Option<PathBuf>,
+        /// Beside controls that need no map (integral action, a deadbeat line, a constant) instead of
+        /// beside learning on the robot; for tasks that steer psi_roll with one action.
+        #[arg(long)]
+        controls: bool,
         /// Options shared by most commands.
         #[command(flatten)]
         common: Common,

@@ -109,9 +109,10 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Compare {
             task,
             seeds,
+            controls,
             out,
             common,
-        } => commands::compare::compare(&task, seeds, out.as_deref(), &common),
+        } => commands::compare::compare(&task, seeds, controls, out.as_deref(), &common),
         Command::Reproduce {
             figure,
             out,

@@ -183,12 +183,19 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
     }
 }
 
-/// Runs the comparison, writes its figures, prints its table.
-pub fn compare(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+/// Runs the comparison, writes its figures, prints its table. `without_map` sets the learner beside
+/// controls that need no map, instead of beside learning on the robot.
+pub fn compare(
+    name: &str,
+    seeds: u64,
+    without_map: bool,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
     let loaded =
         builtin::load(name, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
     // On a robot that is known by its sensors alone there is no "full model" to learn on.
-    if loaded.task.robot.estimated && can_steer(&loaded.task) {
+    if (without_map || loaded.task.robot.estimated) && can_steer(&loaded.task) {
         return controls(name, seeds, out, common);
     }
     if loaded.task.caution.is_some() && seeds > 0 {
@@ -257,6 +264,8 @@ struct ControlOverSeeds {
     name: String,
     /// Strides on the robot before it was measured.
     strides: usize,
+    /// Median over seeds of the mean reward.
+    median_mean_reward: f64,
     /// |mean psi_roll - target|, as the robot estimates it.
     error_deg: Quantiles,
     /// The same, as the simulator knows it.
@@ -332,6 +341,11 @@ fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Resu
         ControlOverSeeds {
             name: (*name).to_owned(),
             strides: of.iter().map(|r| r.strides).max().unwrap_or(0),
+            median_mean_reward: super::learn::median(
+                &of.iter()
+                    .map(|r| r.performance.mean_reward)
+                    .collect::<Vec<_>>(),
+            ),
             error_deg: Quantiles::of(&errors),
             true_error_deg: truths.map(|t| Quantiles::of(&t)),
             mean_psi_roll_deg: of.iter().map(|r| r.performance.mean_psi_roll_deg).collect(),
@@ -361,8 +375,8 @@ fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Resu
             format!("   ({:.2} / {:.2} / {:.2})", t.median, t.p90, t.worst)
         });
         output::line(format!(
-            "  {:<36} {:>3} strides   {:.2} / {:.2} / {:.2}{truth}   {} falls",
-            c.name, c.strides, e.median, e.p90, e.worst, c.falls
+            "  {:<36} {:>3} strides   {:.2} / {:.2} / {:.2}{truth}   reward {:+.5}   {} falls",
+            c.name, c.strides, e.median, e.p90, e.worst, c.median_mean_reward, c.falls
         ));
     }
     Ok(())
