@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use stridemap_lab::LearnerKind;
 
 /// Improves an existing walking controller from a few dozen real steps.
 #[derive(Debug, Parser)]
@@ -89,6 +90,36 @@ pub struct NewRun {
     pub common: Common,
 }
 
+/// A learner, by the name in its own command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LearnerName {
+    /// The paper's actor-critic, in the map.
+    ActorCritic,
+    /// A search in the map over constants, with feedback.
+    Search,
+    /// Without a map: every component at the bound.
+    Constant,
+    /// Without a map: regression of the reward on the action.
+    Linear,
+    /// Without a map: Bayesian optimisation on the robot.
+    BayesOpt,
+    /// Without a map: CMA-ES on the robot.
+    CmaEs,
+}
+
+impl From<LearnerName> for LearnerKind {
+    fn from(name: LearnerName) -> Self {
+        match name {
+            LearnerName::ActorCritic => Self::ActorCritic,
+            LearnerName::Search => Self::Search,
+            LearnerName::Constant => Self::Constant,
+            LearnerName::Linear => Self::Linear,
+            LearnerName::BayesOpt => Self::BayesOpt,
+            LearnerName::CmaEs => Self::CmaEs,
+        }
+    }
+}
+
 /// A figure of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FigureName {
@@ -146,7 +177,7 @@ pub enum Command {
         /// Another learner than the task's: actor-critic or search in the map; without a map constant,
         /// linear, bayes-opt or cma-es.
         #[arg(long, conflicts_with = "resume")]
-        learner: Option<String>,
+        learner: Option<LearnerName>,
         /// Collects strides until the map's one-step prediction error at the next section (its largest
         /// component, relative to the spread of the data) is under this.
         #[arg(long, value_name = "X", conflicts_with = "resume")]

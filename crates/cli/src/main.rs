@@ -42,15 +42,11 @@ fn run(command: Command) -> Result<(), Failure> {
         } => match (resume, task) {
             (Some(run), _) => commands::learn::resume(&run, &common),
             (None, Some(task)) => {
-                // Both are values of the task, so that the run keeps them.
-                if let Some(learner) = learner {
-                    let kind = learner.replace('-', "_");
-                    common.sets.push(format!("learner.kind={kind}"));
-                }
+                // A value of the task, so that the run keeps it.
                 if let Some(error) = until_error {
                     common.sets.push(format!("collect.until_error={error}"));
                 }
-                commands::learn::learn(&task, out.as_deref(), seeds, &common)
+                commands::learn::learn(&task, out.as_deref(), seeds, learner, &common)
             }
             (None, None) => Err(Failure::request("learn needs a task or --resume RUN")),
         },

@@ -6,7 +6,7 @@ use stridemap_mujoco::ModelSource;
 
 use crate::config::{Document, resolver};
 use crate::error::{Invalid, LabError};
-use crate::task::Task;
+use crate::task::{LearnerKind, Task};
 
 /// Name and text of every built-in task.
 pub const TASKS: [(&str, &str); 7] = [
@@ -44,6 +44,34 @@ pub struct LoadedTask {
     pub task: Task,
     /// The resolved task as TOML: every value, and nothing that it `extends`.
     pub resolved: String,
+}
+
+impl LoadedTask {
+    /// The task with another learner.
+    ///
+    /// (Not an override of `learner.kind`: to the loader a table with another `kind` is another table,
+    /// and the parameters beside it would be gone.)
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Invalid`] if the task lacks what that learner needs; [`LabError::Config`] if the
+    /// task cannot be written down.
+    pub fn with_learner(mut self, kind: LearnerKind) -> Result<Self, LabError> {
+        if !kind.uses_map() && self.task.caution.is_none() {
+            return Err(LabError::Invalid(Invalid {
+                key: "caution".into(),
+                requirement: format!(
+                    "is needed by a learner without a map, whose policies are proven on the robot; task \
+                     {} has none (`compare {0} --controls` sets it beside simple controls)",
+                    self.task.name
+                ),
+            }));
+        }
+        self.task.learner.kind = kind;
+        self.task.validate()?;
+        self.resolved = crate::config::to_toml(&self.task).map_err(config)?;
+        Ok(self)
+    }
 }
 
 /// Loads a built-in task by name, or a task file, with `key=value` overrides.
@@ -186,6 +214,27 @@ mod tests {
             std::fs::write(&path, &loaded.resolved).unwrap();
             assert_eq!(load_file(&path, &[]).unwrap().task, loaded.task);
         }
+    }
+
+    #[test]
+    fn another_learner_keeps_everything_else_and_is_written_down() {
+        let loaded = load("walking", &[]).unwrap();
+        for kind in LearnerKind::CONTROLS {
+            let other = loaded.clone().with_learner(kind).unwrap();
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("config.toml");
+            std::fs::write(&path, &other.resolved).unwrap();
+            let mut read = load_file(&path, &[]).unwrap().task;
+            assert_eq!(read.learner.kind, kind);
+            read.learner.kind = loaded.task.learner.kind;
+            assert_eq!(read, loaded.task);
+        }
+        let stepping = load("stepping", &[]).unwrap();
+        let error = stepping.with_learner(LearnerKind::Linear).unwrap_err();
+        assert!(
+            error.is_request() && error.to_string().contains("--controls"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use clap::ValueEnum;
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Summary, Watcher};
 use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin};
 
 use super::robot::{Answers, algorithm};
 use super::{provenance, run_path};
-use crate::args::{Common, RobotName};
+use crate::args::{Common, LearnerName, RobotName};
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
@@ -21,9 +22,18 @@ pub fn learn(
     name: &str,
     out: Option<&Path>,
     seeds: Option<u64>,
+    learner: Option<LearnerName>,
     common: &Common,
 ) -> Result<(), Failure> {
-    let loaded = builtin::load(name, &common.sets)?;
+    let mut loaded = builtin::load(name, &common.sets)?;
+    let mut words = name.to_owned();
+    if let Some(learner) = learner {
+        loaded = loaded.with_learner(learner.into())?;
+        let possible = learner.to_possible_value();
+        words += &possible.map_or_else(String::new, |v| format!(" --learner {}", v.get_name()));
+    }
+    // What repeats the run, in its record.
+    let name = words.as_str();
     let linked = loaded.task.link.is_some() || common.robot == Some(RobotName::Ros2);
     if linked && seeds.is_some() {
         return Err(Failure::request(
