@@ -1,6 +1,6 @@
 //! What a gait is.
 
-use stridemap_robot::{JointTargets, RobotState};
+use stridemap_robot::{JointTargets, RobotState, Side};
 
 /// One way in which a policy may change a gait.
 ///
@@ -89,4 +89,10 @@ pub trait Gait: Send {
 
     /// Seconds after a reset until the gait is at full amplitude.
     fn start_up_s(&self) -> f64;
+
+    /// Phase of the gait as the leg on this side sees it, in any turn: equal for both legs at the
+    /// moments when their parts are exchanged. `None` for a gait that has none.
+    fn phase_rad(&self, _leg: Side) -> Option<f64> {
+        None
+    }
 }

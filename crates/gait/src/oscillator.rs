@@ -1,7 +1,7 @@
 //! The paper's gait: four oscillators phase-locked to the robot.
 
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{JointTargets, LegJoint, RobotState};
+use stridemap_robot::{JointTargets, LegJoint, RobotState, Side};
 
 use crate::gait::{Gait, GaitError, Modulation};
 use crate::phase::{PhaseConfig, PhaseDetector, PhaseSource};
@@ -366,6 +366,14 @@ impl Gait for OscillatorGait {
             targets.position_rad[(side, joint)] += offset + lean_deg.to_radians();
         }
         targets
+    }
+
+    /// `φ_c¹` for the right leg, `φ_c³` for the left.
+    fn phase_rad(&self, leg: Side) -> Option<f64> {
+        Some(match leg {
+            Side::Right => self.phases_rad[0],
+            Side::Left => self.phases_rad[2],
+        })
     }
 
     fn start_up_s(&self) -> f64 {

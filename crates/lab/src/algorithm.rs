@@ -755,7 +755,7 @@ pub fn fit_map(
         }),
     };
     Ok(LearnedMap::fit(
-        task.map.clone(),
+        task.map_config(),
         world,
         &samples,
         &mut rng,

@@ -139,7 +139,13 @@ pub fn held_out(task: &Task, transitions: &[Transition], seed: u64) -> Result<He
 /// last action is the action, so that it is that of F alone.
 fn flip_of_map(map: &LearnedMap, action: &[f64]) -> Result<f64, LabError> {
     let model = stride_model(map, action, 0, 1.0)?;
-    let eigenvalues = model.of_state.complex_eigenvalues();
+    // Components on which nothing depends have multipliers of −1 of their own.
+    let invariant = &map.config().invariant;
+    let eigenvalues = model
+        .of_state
+        .remove_rows_at(invariant)
+        .remove_columns_at(invariant)
+        .complex_eigenvalues();
     Ok(eigenvalues
         .iter()
         .map(|e| e.re)

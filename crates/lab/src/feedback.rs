@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{CmaEs, LinearPolicy, SavedPolicy};
-use stridemap_returnmap::{ActionLimits, LearnedMap, ProcessSpec, State};
+use stridemap_returnmap::{ActionLimits, LearnedMap, MapSample, ProcessSpec, State};
 
 use crate::error::LabError;
 
@@ -73,10 +73,19 @@ pub fn stride_model(
     let samples = map.samples();
     let n = map.outputs().len();
     let count = samples.len().max(1) as f64;
-    let mean = |i: usize| samples.iter().map(|s| s.state[i]).sum::<f64>() / count;
+    // A component on which nothing depends is as spread as its change; it may begin anywhere.
+    let free = |i: usize| map.config().is_invariant(i);
+    let value = |s: &MapSample, i: usize| {
+        if free(i) {
+            s.state[i] + s.next_state[i]
+        } else {
+            s.state[i]
+        }
+    };
+    let mean = |i: usize| samples.iter().map(|s| value(s, i)).sum::<f64>() / count;
     let spread = |i: usize| {
         let m = mean(i);
-        let squares: f64 = samples.iter().map(|s| (s.state[i] - m).powi(2)).sum();
+        let squares: f64 = samples.iter().map(|s| (value(s, i) - m).powi(2)).sum();
         (squares / count).sqrt().max(1e-6)
     };
     let bounds: Vec<[f64; 2]> = (0..n)
@@ -87,7 +96,9 @@ pub fn stride_model(
             })
         })
         .collect();
-    let mut x: State = (0..n).map(mean).collect();
+    let mut x: State = (0..n)
+        .map(|i| if free(i) { 0.0 } else { mean(i) })
+        .collect();
     let mut state: State = (0..n).map(|_| 0.0).collect();
     for k in 0..STRIDES {
         let (next, _) = map.predict(&x, constants, constants)?;
@@ -95,7 +106,8 @@ pub fn stride_model(
         x = next
             .iter()
             .zip(&bounds)
-            .map(|(v, [l, h])| v.clamp(*l, *h))
+            .enumerate()
+            .map(|(i, (v, [l, h]))| if free(i) { *v } else { v.clamp(*l, *h) })
             .collect();
         if k >= STRIDES - AVERAGED {
             for (sum, v) in state.iter_mut().zip(&x) {
@@ -167,6 +179,13 @@ impl StrideModel {
         a
     }
 
+    /// Largest magnitude of the multipliers of the closed loop.
+    #[must_use]
+    pub fn spectral_radius(&self, feedback: &[f64], law_gain: f64) -> f64 {
+        let multipliers = self.closed_loop(feedback, law_gain).complex_eigenvalues();
+        multipliers.iter().map(|m| m.norm()).fold(0.0, f64::max)
+    }
+
     /// The stationary cost of a feedback; infinite where the loop is not stable.
     #[must_use]
     pub fn cost(&self, feedback: &[f64], law_gain: f64, action_cost: f64) -> f64 {
@@ -219,14 +238,25 @@ pub fn with_feedback(
     let model = stride_model(map, constants, component, unit)?;
     let n = model.state.len();
     let law_gain = limits[component].gain;
-    let cost = |k: &[f64]| model.cost(k, law_gain, config.action_cost / (unit * unit));
+    // Among feedbacks under which the loop is not stable, the one nearer to it is better: a heading
+    // left alone is not stable, and the search must find its way from there.
+    let cost = |k: &[f64]| {
+        const UNSTABLE: f64 = 1e20;
+        let cost = model.cost(k, law_gain, config.action_cost / (unit * unit));
+        if cost.is_finite() {
+            cost.min(UNSTABLE)
+        } else {
+            let radius = model.spectral_radius(k, law_gain);
+            UNSTABLE * (1.0 + if radius.is_finite() { radius } else { 1e6 })
+        }
+    };
     // One unit of action for a state as far off as the data are wide would be a strong feedback.
     let std: Vec<f64> = (0..n).map(|i| 0.3 * unit / model.spread[i]).collect();
     let mut search = CmaEs::new(&vec![0.0; n], &std, None)?;
     let (mut best, mut least) = (vec![0.0; n], cost(&vec![0.0; n]));
     for _ in 0..GENERATIONS {
         let points = search.ask(rng);
-        let costs: Vec<f64> = points.iter().map(|p| cost(p).min(1e30)).collect();
+        let costs: Vec<f64> = points.iter().map(|p| cost(p)).collect();
         for (point, cost) in points.iter().zip(&costs) {
             if *cost < least {
                 (best, least) = (point.clone(), *cost);

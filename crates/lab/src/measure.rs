@@ -28,6 +28,15 @@ pub struct StrideMeasures {
     pub psi_pitch_deg: f64,
     /// `ψ̇_pitch` at the section that ends the stride.
     pub psi_pitch_rate_deg_s: f64,
+    /// Yaw rate of the pelvis at the section that ends the stride, mirrored: + towards the side of the
+    /// stance leg.
+    pub yaw_rate_deg_s: f64,
+    /// Heading at the section that ends the stride, relative to the episode's first and mirrored
+    /// likewise; it goes on growing over whole turns.
+    pub heading_deg: f64,
+    /// Phase of the gait at the section that ends the stride, as the swing leg sees it, in
+    /// [−180, 180); 0 for a gait without one.
+    pub gait_phase_deg: f64,
     /// `(1/T) ∫ ψ̇_pitch dt` over the stride \[MA09, eq. (31)\].
     pub mean_psi_pitch_rate_deg_s: f64,
     /// `Σ_joints ∫ |τ ω| dt`.
@@ -39,6 +48,12 @@ pub struct StrideMeasures {
     /// Energy over weight and the way ahead; ways under a centimetre count as one, because in place
     /// it would be infinite.
     pub cost_of_transport: f64,
+}
+
+/// An angle brought into [−π, π).
+pub(crate) fn wrapped_rad(angle_rad: f64) -> f64 {
+    use std::f64::consts::PI;
+    (angle_rad + PI).rem_euclid(2.0 * PI) - PI
 }
 
 impl StrideMeasures {
@@ -60,6 +75,8 @@ pub struct StrideMeter {
     rest: JointTargets,
     mass_kg: f64,
     first_heading_rad: f64,
+    /// Change of heading from the episode's first to the beginning of this stride.
+    turned_rad: f64,
     start: Instant,
     pitch_rate_integral_deg: f64,
     energy_j: f64,
@@ -94,6 +111,7 @@ impl StrideMeter {
             rest,
             mass_kg,
             first_heading_rad: 0.0,
+            turned_rad: 0.0,
             start: Instant::default(),
             pitch_rate_integral_deg: 0.0,
             energy_j: 0.0,
@@ -106,14 +124,22 @@ impl StrideMeter {
     /// An episode begins at a section: its heading is the direction in which ways are measured.
     pub fn begin_episode(&mut self, state: &RobotState) {
         self.first_heading_rad = state.base.heading_rad();
+        self.start = Instant::of(state);
+        self.turned_rad = 0.0;
         self.begin_stride(state);
+    }
+
+    fn turn_rad(&self, now: &Instant) -> f64 {
+        wrapped_rad(now.heading_rad - self.start.heading_rad)
     }
 
     /// A stride begins.
     pub fn begin_stride(&mut self, state: &RobotState) {
+        let now = Instant::of(state);
         *self = Self {
             first_heading_rad: self.first_heading_rad,
-            start: Instant::of(state),
+            turned_rad: self.turned_rad + self.turn_rad(&now),
+            start: now,
             ..Self::new(self.rest, self.mass_kg)
         };
     }
@@ -137,7 +163,7 @@ impl StrideMeter {
     }
 
     /// What was measured up to this state; `at_end` is the pendulum at the section, or the last one
-    /// seen where the stride ended otherwise.
+    /// seen where the stride ended otherwise. The gait's phase is the plant's to add.
     #[must_use]
     pub fn measures(&self, state: &RobotState, at_end: Option<&Pendulum>) -> StrideMeasures {
         let now = Instant::of(state);
@@ -148,9 +174,8 @@ impl StrideMeter {
         let (sin, cos) = self.first_heading_rad.sin_cos();
         let (sin_now, cos_now) = self.start.heading_rad.sin_cos();
         let ahead_m = cos_now * dx + sin_now * dy;
-        let turn_rad = now.heading_rad - self.start.heading_rad;
-        let half_turn = std::f64::consts::PI;
-        let turn_rad = (turn_rad + half_turn).rem_euclid(2.0 * half_turn) - half_turn;
+        let turn_rad = self.turn_rad(&now);
+        let to_stance = at_end.map_or(0.0, |p| p.stance.lateral_sign());
         let per_elapsed = |integral: f64| {
             if self.elapsed_s > 0.0 {
                 integral / self.elapsed_s
@@ -167,6 +192,9 @@ impl StrideMeter {
             psi_roll_deg: at_end.map_or(0.0, |p| p.roll_rad.to_degrees()),
             psi_pitch_deg: at_end.map_or(0.0, |p| p.pitch_rad.to_degrees()),
             psi_pitch_rate_deg_s: at_end.map_or(0.0, |p| p.pitch_rate_rad_s.to_degrees()),
+            yaw_rate_deg_s: to_stance * state.base.angular_velocity_rad_s[2].to_degrees(),
+            heading_deg: to_stance * (self.turned_rad + turn_rad).to_degrees(),
+            gait_phase_deg: 0.0,
             mean_psi_pitch_rate_deg_s: per_elapsed(self.pitch_rate_integral_deg),
             energy_j: self.energy_j,
             peak_foot_load_n: self.peak_foot_load_n,

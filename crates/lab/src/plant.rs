@@ -14,10 +14,10 @@ use stridemap_returnmap::{
     ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
 };
 use stridemap_robot::{Robot, RobotError, RobotState, Side};
-use stridemap_section::{Crossing, SectionConfig, SectionDetector};
+use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 
 use crate::error::LabError;
-use crate::measure::{StrideMeasures, StrideMeter};
+use crate::measure::{StrideMeasures, StrideMeter, wrapped_rad};
 use crate::reward::{RewardTerm, StateComponent, reward};
 
 /// When a stride counts as a fall or a stall, and what that costs.
@@ -381,6 +381,15 @@ impl Plant {
         }
     }
 
+    /// What was measured of the stride that ends here.
+    fn measured(&self, at_end: Option<&Pendulum>) -> StrideMeasures {
+        let phase_rad = at_end.and_then(|p| self.gait.phase_rad(p.stance.other()));
+        StrideMeasures {
+            gait_phase_deg: phase_rad.map_or(0.0, |phi| wrapped_rad(phi).to_degrees()),
+            ..self.meter.measures(self.robot.state(), at_end)
+        }
+    }
+
     fn state_of(&self, measures: &StrideMeasures) -> State {
         self.task
             .state
@@ -426,9 +435,7 @@ impl Plant {
                     }
                     self.in_place = InPlace::of(&sections);
                     self.meter.begin_episode(self.robot.state());
-                    let measures = self
-                        .meter
-                        .measures(self.robot.state(), Some(&crossing.pendulum));
+                    let measures = self.measured(Some(&crossing.pendulum));
                     return Ok(Some(self.state_of(&measures)));
                 }
                 Outcome::Fell => {
@@ -493,7 +500,7 @@ impl StrideProcess for Plant {
         };
         self.at_section = end == StrideEnd::Crossing;
         self.count_end(end);
-        let measures = self.meter.measures(self.robot.state(), pendulum.as_ref());
+        let measures = self.measured(pendulum.as_ref());
         self.last_measures = measures;
         Ok(Stride {
             next_state: self.state_of(&measures),

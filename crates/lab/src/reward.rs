@@ -14,6 +14,12 @@ pub enum StateComponent {
     PsiPitchDeg,
     /// `ψ̇_pitch`, degrees per second.
     PsiPitchRateDegS,
+    /// Yaw rate of the pelvis, degrees per second, + towards the side of the stance leg.
+    YawRateDegS,
+    /// Heading relative to the episode's first, degrees, + towards the side of the stance leg.
+    HeadingDeg,
+    /// Phase of the gait as the swing leg sees it, degrees.
+    GaitPhaseDeg,
 }
 
 impl StateComponent {
@@ -24,7 +30,16 @@ impl StateComponent {
             Self::PsiRollDeg => "psi_roll_deg",
             Self::PsiPitchDeg => "psi_pitch_deg",
             Self::PsiPitchRateDegS => "psi_pitch_rate_deg_s",
+            Self::YawRateDegS => "yaw_rate_deg_s",
+            Self::HeadingDeg => "heading_deg",
+            Self::GaitPhaseDeg => "gait_phase_deg",
         }
+    }
+
+    /// Whether the robot walks alike whatever its value is: the map then learns its change alone.
+    #[must_use]
+    pub const fn is_invariant(self) -> bool {
+        matches!(self, Self::HeadingDeg)
     }
 
     /// Its value in what was measured of a stride.
@@ -34,6 +49,9 @@ impl StateComponent {
             Self::PsiRollDeg => measures.psi_roll_deg,
             Self::PsiPitchDeg => measures.psi_pitch_deg,
             Self::PsiPitchRateDegS => measures.psi_pitch_rate_deg_s,
+            Self::YawRateDegS => measures.yaw_rate_deg_s,
+            Self::HeadingDeg => measures.heading_deg,
+            Self::GaitPhaseDeg => measures.gait_phase_deg,
         }
     }
 }
@@ -145,6 +163,9 @@ pub fn reward_of_state(
             StateComponent::PsiRollDeg => measures.psi_roll_deg = *value,
             StateComponent::PsiPitchDeg => measures.psi_pitch_deg = *value,
             StateComponent::PsiPitchRateDegS => measures.psi_pitch_rate_deg_s = *value,
+            StateComponent::YawRateDegS => measures.yaw_rate_deg_s = *value,
+            StateComponent::HeadingDeg => measures.heading_deg = *value,
+            StateComponent::GaitPhaseDeg => measures.gait_phase_deg = *value,
         }
     }
     terms

@@ -457,7 +457,7 @@ impl Task {
                 "must lie in [0, 600] s".into(),
             );
         }
-        self.map.validate(n, m)?;
+        self.map_config().validate(n, m)?;
         self.learner.actor_critic.validate()?;
         Ok(())
     }
@@ -656,6 +656,19 @@ impl Task {
                 })
                 .collect(),
         })
+    }
+
+    /// How the map is fitted, with what the components of the state say of it.
+    #[must_use]
+    pub fn map_config(&self) -> MapConfig {
+        let components = self.state.iter().enumerate();
+        MapConfig {
+            invariant: components
+                .filter(|(_, c)| c.is_invariant())
+                .map(|(i, _)| i)
+                .collect(),
+            ..self.map.clone()
+        }
     }
 
     /// When a next state in the map is a fall: the part of the failure that a state shows.

@@ -108,7 +108,9 @@ impl LearnedMap {
         let points = Points::new(&inputs, dims)?;
         let mut outputs = Vec::with_capacity(states);
         for component in 0..states {
-            let y: Vec<f64> = samples.iter().map(|s| s.next_state[component]).collect();
+            let target =
+                |s: &MapSample| config.target(component, &s.state, s.next_state[component]);
+            let y: Vec<f64> = samples.iter().map(target).collect();
             let noise = config.min_noise_std.as_ref().map(|stds| stds[component]);
             outputs.push(Gp::fit(
                 points,
@@ -186,9 +188,9 @@ impl LearnedMap {
         let mut row = Vec::new();
         self.config.input_row(state, action, last_action, &mut row);
         let (mut means, mut variances) = (State::new(), State::new());
-        for gp in self.outputs.iter() {
+        for (i, gp) in self.outputs.iter().enumerate() {
             let p = gp.predict(&row)?;
-            means.push(p.mean);
+            means.push(self.config.next(i, state, p.mean));
             variances.push(p.latent_variance);
         }
         Ok((means, variances))
@@ -231,14 +233,26 @@ impl LearnedMap {
         let names = self.world.spec.state.iter().map(|d| d.name.clone());
         let names: Vec<String> = names.chain(["reward".into()]).collect();
         let all = self.outputs.iter().chain(self.reward.as_deref());
-        let outputs = all.zip(names).map(|(gp, name)| SavedOutput::of(gp, name));
+        let mut outputs: Vec<SavedOutput> = all
+            .zip(names)
+            .map(|(gp, name)| SavedOutput::of(gp, name))
+            .collect::<Result<_, _>>()?;
+        // What is shown of an invariant component is its next value, as for the others.
+        for &i in &self.config.invariant {
+            let shown = &mut outputs[i].leave_one_out;
+            for values in [&mut shown.mean, &mut shown.actual] {
+                for (value, s) in values.iter_mut().zip(self.samples.iter()) {
+                    *value = self.config.next(i, &s.state, *value);
+                }
+            }
+        }
         Ok(SavedMap {
             format: FORMAT,
             iteration,
             config: self.config.clone(),
             spec: self.world.spec.clone(),
             samples: self.samples.len(),
-            outputs: outputs.collect::<Result<_, _>>()?,
+            outputs,
         })
     }
 
@@ -302,6 +316,7 @@ impl StrideProcess for LearnedMap {
         let mut next_state = State::new();
         for i in 0..self.outputs.len() {
             let drawn = self.draw(Output::Component(i), rng)?;
+            let drawn = self.config.next(i, &state, drawn);
             let [low, high] = self.config.state_range[i];
             next_state.push(drawn.clamp(low, high));
         }

@@ -45,6 +45,21 @@ pub enum MapStart {
 pub struct MapConfig {
     /// What the map looks at, in this order.
     pub inputs: Vec<MapInput>,
+    /// Components of the state on which the dynamics do not depend, by index, mirrored from stride to
+    /// stride: a heading, for no direction on the floor is special. The map does not look at them and
+    /// learns their change,
+    ///
+    /// ```text
+    /// x'ᵢ = −(xᵢ + change(other states, actions))
+    /// ```
+    ///
+    /// Not in task files: the components of the state say it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub invariant: Vec<usize>,
+    /// Components of the last action that the map looks at, by index, where it looks at the last action;
+    /// left out: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remembered: Option<Vec<usize>>,
     /// Covariance function.
     pub kernel: Kernel,
     /// Mean function.
@@ -82,6 +97,9 @@ impl MapConfig {
                 requirement,
             })
         };
+        if let Some(&i) = self.invariant.iter().find(|i| **i >= states) {
+            return bad("map.invariant", i as f64, "must be a component of the state");
+        }
         let dims = self.dims(states, actions);
         for input in [MapInput::State, MapInput::Action] {
             if !self.inputs.contains(&input) {
@@ -156,8 +174,9 @@ impl MapConfig {
     #[must_use]
     pub fn dims(&self, states: usize, actions: usize) -> usize {
         let width = |input: &MapInput| match input {
-            MapInput::State => states,
-            MapInput::Action | MapInput::LastAction => actions,
+            MapInput::State => states.saturating_sub(self.invariant.len()),
+            MapInput::Action => actions,
+            MapInput::LastAction => self.remembered.as_ref().map_or(actions, Vec::len),
         };
         self.inputs.iter().map(width).sum()
     }
@@ -170,11 +189,44 @@ impl MapConfig {
         row: &mut Vec<f64>,
     ) {
         for input in &self.inputs {
-            row.extend_from_slice(match input {
-                MapInput::State => state,
-                MapInput::Action => action,
-                MapInput::LastAction => last_action,
-            });
+            match input {
+                MapInput::State if self.invariant.is_empty() => row.extend_from_slice(state),
+                MapInput::State => {
+                    let seen = state.iter().enumerate();
+                    row.extend(seen.filter(|(i, _)| !self.is_invariant(*i)).map(|(_, x)| x));
+                }
+                MapInput::Action => row.extend_from_slice(action),
+                MapInput::LastAction => match &self.remembered {
+                    None => row.extend_from_slice(last_action),
+                    Some(components) => row.extend(components.iter().map(|i| last_action[*i])),
+                },
+            }
+        }
+    }
+
+    /// Whether the dynamics do not depend on a component of the state.
+    #[must_use]
+    pub fn is_invariant(&self, component: usize) -> bool {
+        self.invariant.contains(&component)
+    }
+
+    /// What the Gaussian process of a component is fitted to: its next value, or the change of an
+    /// invariant one.
+    pub(crate) fn target(&self, component: usize, state: &[f64], next: f64) -> f64 {
+        if self.is_invariant(component) {
+            -(next + state[component])
+        } else {
+            next
+        }
+    }
+
+    /// The next value of a component from what its Gaussian process says: the inverse of
+    /// [`Self::target`].
+    pub(crate) fn next(&self, component: usize, state: &[f64], target: f64) -> f64 {
+        if self.is_invariant(component) {
+            -(target + state[component])
+        } else {
+            target
         }
     }
 

@@ -10,7 +10,7 @@ use crate::measure::StrideMeasures;
 use crate::strides::{StridePhase, StrideRole, Transition};
 
 /// Names and values of the measures of a stride, in the order of their columns.
-fn measures(m: &StrideMeasures) -> [(&'static str, f64); 13] {
+fn measures(m: &StrideMeasures) -> [(&'static str, f64); 16] {
     [
         ("stride_duration_s", m.duration_s),
         ("stride_forward_m", m.forward_m),
@@ -19,6 +19,9 @@ fn measures(m: &StrideMeasures) -> [(&'static str, f64); 13] {
         ("stride_psi_roll_deg", m.psi_roll_deg),
         ("stride_psi_pitch_deg", m.psi_pitch_deg),
         ("stride_psi_pitch_rate_deg_s", m.psi_pitch_rate_deg_s),
+        ("stride_yaw_rate_deg_s", m.yaw_rate_deg_s),
+        ("stride_heading_deg", m.heading_deg),
+        ("stride_gait_phase_deg", m.gait_phase_deg),
         (
             "stride_mean_psi_pitch_rate_deg_s",
             m.mean_psi_pitch_rate_deg_s,
@@ -219,6 +222,9 @@ impl TransitionTable {
                     psi_roll_deg: optional("stride_psi_roll_deg")?,
                     psi_pitch_deg: optional("stride_psi_pitch_deg")?,
                     psi_pitch_rate_deg_s: optional("stride_psi_pitch_rate_deg_s")?,
+                    yaw_rate_deg_s: optional("stride_yaw_rate_deg_s")?,
+                    heading_deg: optional("stride_heading_deg")?,
+                    gait_phase_deg: optional("stride_gait_phase_deg")?,
                     mean_psi_pitch_rate_deg_s: optional("stride_mean_psi_pitch_rate_deg_s")?,
                     energy_j: optional("stride_energy_j")?,
                     peak_foot_load_n: optional("stride_peak_foot_load_n")?,
