@@ -138,7 +138,7 @@ pub fn held_out(task: &Task, transitions: &[Transition], seed: u64) -> Result<He
 /// The multiplier most negative in real part of the map's state under a constant action: there the
 /// last action is the action, so that it is that of F alone.
 fn flip_of_map(map: &LearnedMap, action: &[f64]) -> Result<f64, LabError> {
-    let model = stride_model(map, action, 0, 1.0)?;
+    let model = stride_model(map, action, &[])?;
     // Components on which nothing depends have multipliers of −1 of their own.
     let invariant = &map.config().invariant;
     let eigenvalues = model

@@ -223,14 +223,20 @@ impl Algorithm<'_> {
                 else {
                     return Ok(outcome.policy);
                 };
-                let component = task
-                    .action
+                let components: Vec<(usize, f64)> = feedback
+                    .modulates
                     .iter()
-                    .position(|a| a.modulates == feedback.modulates)
-                    .unwrap_or(0);
-                let unit = caution.trust.unit[component];
-                let of = (component, unit);
-                with_feedback(map, &spec, &limits, found.action(), of, feedback, rng)
+                    .filter_map(|name| task.action.iter().position(|a| a.modulates == *name))
+                    .map(|c| (c, caution.trust.unit[c]))
+                    .collect();
+                let index = |c: &StateComponent| task.state.iter().position(|s| s == c);
+                let sees: Vec<Vec<usize>> = feedback
+                    .sees
+                    .iter()
+                    .map(|seen| seen.iter().filter_map(index).collect())
+                    .collect();
+                let (constants, of) = (found.action(), &components);
+                with_feedback(map, &spec, &limits, constants, of, &sees, feedback, rng)
             }
         }
     }
@@ -278,7 +284,13 @@ impl Algorithm<'_> {
                 strides: left.min(most),
             };
             let guard = (&caution.guard, thresholds);
-            let mut prover = Prover::new(config, guard, &policy, &fallback, beat_m_s);
+            // Who has no map learns nothing from dither.
+            let dither: &[f64] = if self.task.learner.kind.uses_map() {
+                &config.dither_std
+            } else {
+                &[]
+            };
+            let mut prover = Prover::new(config, guard, dither, &policy, &fallback, beat_m_s);
             let before = self.plant.counters();
             let started = Instant::now();
             let made = drive(

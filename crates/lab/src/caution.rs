@@ -77,6 +77,17 @@ impl CautionConfig {
                 return invalid(key, format!("is {value}, must be finite"));
             }
         }
+        let dither = &f.dither_std;
+        if !dither.is_empty()
+            && (dither.len() != actions || dither.iter().any(|s| !(s.is_finite() && *s >= 0.0)))
+        {
+            return invalid(
+                "proof.dither_std",
+                format!(
+                    "needs {actions} numbers that are not negative, one per component of the action"
+                ),
+            );
+        }
         for (key, list, positive) in [
             ("trust.unit", &t.unit, true),
             ("proof.back_off", &f.back_off, false),

@@ -1,52 +1,66 @@
-//! Feedback on one component of the action from the Jacobian of a learned map.
+//! Feedback on some components of the action from the Jacobian of a learned map.
 //!
 //! About the map's own steady state under constant actions,
 //!
 //! ```text
-//! x(k+1) = F x(k) + g u(k) + h u(k−1) + n(k),    u(k) = (1 − γ) u(k−1) + γ K x(k)
+//! x(k+1) = F x(k) + G u(k) + H u(k−1) + n(k),    u(k) = (1 − γ) u(k−1) + γ K x(k)
 //! ```
 //!
-//! in deviations, with γ the gain of the action law. The policy sees x(k) and not u(k−1), so that K is
-//! a static output feedback, for which there is no Riccati equation: its three numbers are searched
-//! for least stationary cost
+//! in deviations, with γ the gains of the action law. The policy sees x(k) and not u(k−1), so that K is
+//! a static output feedback, for which there is no Riccati equation: its numbers are searched for
+//! least cost
 //!
 //! ```text
-//! Σ_i var(x_i) / var(n_i) + R var(u) / unit²
+//! 1/T Σ_k  Σ_i var(x_i(k)) / var(n_i) + R Σ_j var(u_j(k)) / unit_j²
 //! ```
 //!
-//! where the stationary covariance is that of the linear system under the map's own noise.
+//! over T strides from the steady state. The map does not know its own slopes exactly: their posterior
+//! covariance C_i enters as noise that grows with the deviations z = (x, u, u₋₁),
+//!
+//! ```text
+//! var(x_i(k+1)) = [A Σ Aᵀ]_ii + var(n_i) + tr(C_i E[z zᵀ])
+//! ```
+//!
+//! which is how cautious control \[Åström & Wittenmark 1995, sec. 7.5\] charges for doubt: a slope of
+//! which the map knows little is not leant on.
 
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{CmaEs, LinearPolicy, SavedPolicy};
-use stridemap_returnmap::{ActionLimits, LearnedMap, MapSample, ProcessSpec, State};
+use stridemap_returnmap::{ActionLimits, LearnedMap, MapPoint, MapSample, ProcessSpec, State};
 
 use crate::error::LabError;
+use crate::reward::StateComponent;
 
 /// Feedback about constants found in the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JacobianFeedbackConfig {
-    /// The modulation that is fed back, by name.
-    pub modulates: String,
-    /// R: cost of the action's variance, in its unit squared, beside the state's in noise variances.
+    /// The modulations that are fed back, by name.
+    pub modulates: Vec<String>,
+    /// The components of the state that each of them sees.
+    pub sees: Vec<Vec<StateComponent>>,
+    /// R: cost of the variance of an action, in its unit squared, beside the state's in noise
+    /// variances.
     pub action_cost: f64,
-    /// Largest correction, in the unit of the action.
-    pub limit: f64,
+    /// Largest correction of each, in its unit.
+    pub limit: Vec<f64>,
 }
 
-/// A linear model of a map about its steady state.
+/// A linear model of a map about its steady state, for n components of the state and m of the action.
 #[derive(Clone, Debug)]
 pub struct StrideModel {
     /// The steady state; the mean over a cycle of two where the map flips.
     pub state: State,
-    /// F.
+    /// F, n by n.
     pub of_state: DMatrix<f64>,
-    /// g, for one component of the action.
-    pub of_action: DVector<f64>,
-    /// h, for the same component of the last action.
-    pub of_last_action: DVector<f64>,
+    /// G, n by m.
+    pub of_action: DMatrix<f64>,
+    /// H, n by m.
+    pub of_last_action: DMatrix<f64>,
+    /// C: covariance of the row of slopes (F, G, H) of each component, n times (n + 2m) squared.
+    pub doubt: Vec<DMatrix<f64>>,
     /// Variances of n, at least those of a twentieth of the data's spread: a simulator has next to
     /// none, and a model of it is not that good.
     pub noise: DVector<f64>,
@@ -56,14 +70,17 @@ pub struct StrideModel {
 
 /// Linearizes a map about its steady state under constant actions, by central differences.
 ///
+/// # Arguments
+///
+/// - `components` – which components of the action are varied, each with its unit.
+///
 /// # Errors
 ///
 /// [`LabError::Process`] if the map cannot be evaluated.
 pub fn stride_model(
     map: &LearnedMap,
     constants: &[f64],
-    component: usize,
-    unit: f64,
+    components: &[(usize, f64)],
 ) -> Result<StrideModel, LabError> {
     const STRIDES: usize = 120;
     const AVERAGED: usize = 20;
@@ -115,102 +132,118 @@ pub fn stride_model(
             }
         }
     }
-    let difference = |moved: &dyn Fn(f64) -> Result<State, LabError>, step: f64| {
-        let (above, below) = (moved(step)?, moved(-step)?);
-        let slope = above
-            .iter()
-            .zip(&below)
-            .map(|(a, b)| (a - b) / (2.0 * step));
-        Ok::<_, LabError>(DVector::from_iterator(n, slope))
+    // Every direction z = (x, u, u₋₁) in which the map is differentiated, with its step.
+    let m = components.len();
+    let mut moves = Vec::with_capacity(n + 2 * m);
+    let at = |dx: Option<(usize, f64)>, du: Option<(usize, f64)>, dl: Option<(usize, f64)>| {
+        let mut point = MapPoint {
+            state: state.clone(),
+            action: constants.to_vec(),
+            last_action: constants.to_vec(),
+        };
+        if let Some((i, d)) = dx {
+            point.state[i] += d;
+        }
+        if let Some((c, d)) = du {
+            point.action[c] += d;
+        }
+        if let Some((c, d)) = dl {
+            point.last_action[c] += d;
+        }
+        point
     };
-    let mut of_state = DMatrix::zeros(n, n);
     for i in 0..n {
-        let column = difference(
-            &|d| {
-                let mut moved = state.clone();
-                moved[i] += d;
-                Ok(map.predict(&moved, constants, constants)?.0)
-            },
-            STEP * spread(i),
-        )?;
-        of_state.set_column(i, &column);
+        let d = STEP * spread(i);
+        moves.push((
+            at(Some((i, d)), None, None),
+            at(Some((i, -d)), None, None),
+            d,
+        ));
     }
-    let moved = |d: f64| {
-        let mut action = constants.to_vec();
-        action[component] += d;
-        action
-    };
-    let of_action = difference(
-        &|d| Ok(map.predict(&state, &moved(d), constants)?.0),
-        STEP * unit,
-    )?;
-    let of_last_action = difference(
-        &|d| Ok(map.predict(&state, constants, &moved(d))?.0),
-        STEP * unit,
-    )?;
+    for &(c, unit) in components {
+        let d = STEP * unit;
+        moves.push((
+            at(None, Some((c, d)), None),
+            at(None, Some((c, -d)), None),
+            d,
+        ));
+    }
+    for &(c, unit) in components {
+        let d = STEP * unit;
+        moves.push((
+            at(None, None, Some((c, d))),
+            at(None, None, Some((c, -d))),
+            d,
+        ));
+    }
+    let (slopes, doubt) = map.slopes(&moves)?;
     let noise = map.outputs().iter().enumerate().map(|(i, gp)| {
         let least = (LEAST_NOISE * spread(i)).powi(2);
         gp.hyperparameters().noise_variance.max(least)
     });
     Ok(StrideModel {
         state,
-        of_state,
-        of_action,
-        of_last_action,
+        of_state: slopes.columns(0, n).into_owned(),
+        of_action: slopes.columns(n, m).into_owned(),
+        of_last_action: slopes.columns(n + m, m).into_owned(),
+        doubt,
         noise: DVector::from_iterator(n, noise),
         spread: DVector::from_iterator(n, (0..n).map(spread)),
     })
 }
 
 impl StrideModel {
-    /// The closed loop over (x, u(k−1)) with the row K and the action law's gain.
+    /// The mean cost over the first strides of a feedback K, m by n, from the steady state.
+    ///
+    /// # Arguments
+    ///
+    /// - `law_gain` – γ of each component that is fed back.
+    /// - `action_cost` – R over its unit squared, of each.
+    ///
+    /// # Cost
+    ///
+    /// A tenth of a millisecond.
     #[must_use]
-    pub fn closed_loop(&self, feedback: &[f64], law_gain: f64) -> DMatrix<f64> {
-        let n = self.of_state.nrows();
-        let mut a = DMatrix::zeros(n + 1, n + 1);
-        for i in 0..n {
-            for j in 0..n {
-                a[(i, j)] = self.of_state[(i, j)] + self.of_action[i] * law_gain * feedback[j];
-            }
-            a[(i, n)] = self.of_last_action[i] + self.of_action[i] * (1.0 - law_gain);
-            a[(n, i)] = law_gain * feedback[i];
+    pub fn cost(&self, feedback: &DMatrix<f64>, law_gain: &[f64], action_cost: &[f64]) -> f64 {
+        const STRIDES: usize = 60;
+        const MOST: f64 = 1e12;
+        let (n, m) = (self.of_state.nrows(), self.of_action.ncols());
+        // z = M s with s = (x, u₋₁), and s' = A s.
+        let mut to_z = DMatrix::zeros(n + 2 * m, n + m);
+        to_z.view_mut((0, 0), (n, n)).fill_with_identity();
+        to_z.view_mut((n + m, n), (m, m)).fill_with_identity();
+        for (j, gain) in law_gain.iter().enumerate() {
+            to_z.view_mut((n + j, 0), (1, n))
+                .copy_from(&(feedback.row(j) * *gain));
+            to_z[(n + j, n + j)] = 1.0 - gain;
         }
-        a[(n, n)] = 1.0 - law_gain;
-        a
-    }
-
-    /// Largest magnitude of the multipliers of the closed loop.
-    #[must_use]
-    pub fn spectral_radius(&self, feedback: &[f64], law_gain: f64) -> f64 {
-        let multipliers = self.closed_loop(feedback, law_gain).complex_eigenvalues();
-        multipliers.iter().map(|m| m.norm()).fold(0.0, f64::max)
-    }
-
-    /// The stationary cost of a feedback; infinite where the loop is not stable.
-    #[must_use]
-    pub fn cost(&self, feedback: &[f64], law_gain: f64, action_cost: f64) -> f64 {
-        const STRIDES: usize = 300;
-        let n = self.of_state.nrows();
-        let a = self.closed_loop(feedback, law_gain);
-        let mut w = DMatrix::zeros(n + 1, n + 1);
-        for i in 0..n {
-            w[(i, i)] = self.noise[i];
-        }
-        let mut covariance = w.clone();
+        let mut a = DMatrix::zeros(n + m, n + m);
+        let of_z = |z: usize, i: usize| match z {
+            z if z < n => self.of_state[(i, z)],
+            z if z < n + m => self.of_action[(i, z - n)],
+            z => self.of_last_action[(i, z - n - m)],
+        };
+        let slopes = DMatrix::from_fn(n, n + 2 * m, |i, z| of_z(z, i));
+        a.view_mut((0, 0), (n, n + m)).copy_from(&(&slopes * &to_z));
+        a.view_mut((n, 0), (m, n + m))
+            .copy_from(&to_z.view((n, 0), (m, n + m)));
+        let mut covariance = DMatrix::zeros(n + m, n + m);
+        let mut total = 0.0;
         for _ in 0..STRIDES {
-            let next = &a * &covariance * a.transpose() + &w;
-            let change = (&next - &covariance).amax();
-            covariance = next;
-            if change.is_nan() || covariance.amax() > 1e12 {
-                return f64::INFINITY;
+            let of_z = &to_z * &covariance * to_z.transpose();
+            covariance = &a * &covariance * a.transpose();
+            for i in 0..n {
+                covariance[(i, i)] += self.noise[i] + self.doubt[i].dot(&of_z);
+                total += covariance[(i, i)] / self.noise[i];
             }
-            if change <= 1e-9 * covariance.amax() {
-                break;
+            total += (0..m)
+                .map(|j| action_cost[j] * covariance[(n + j, n + j)])
+                .sum::<f64>();
+            if total.is_nan() || total > MOST {
+                return MOST;
             }
         }
-        // u(k) is the last entry of the next stride's (x, u(k−1)).
-        let state: f64 = (0..n).map(|i| covariance[(i, i)] / self.noise[i]).sum();
-        state + action_cost * covariance[(n, n)]
+        total / STRIDES as f64
     }
 }
 
@@ -219,7 +252,9 @@ impl StrideModel {
 /// # Arguments
 ///
 /// - `spec` – the process's components and bounds; the policy clips to them.
-/// - `unit` – what counts as one unit of the action that is fed back.
+/// - `components` – the components of the action that are fed back, each with what counts as one unit
+///   of it, in the order of `config.modulates`.
+/// - `sees` – for each the components of the state that it may depend on.
 ///
 /// # Errors
 ///
@@ -230,30 +265,39 @@ pub fn with_feedback(
     spec: &ProcessSpec,
     limits: &[ActionLimits],
     constants: &[f64],
-    (component, unit): (usize, f64),
+    components: &[(usize, f64)],
+    sees: &[Vec<usize>],
     config: &JacobianFeedbackConfig,
     rng: &mut ChaCha8Rng,
 ) -> Result<SavedPolicy, LabError> {
-    const GENERATIONS: usize = 60;
-    let model = stride_model(map, constants, component, unit)?;
-    let n = model.state.len();
-    let law_gain = limits[component].gain;
-    // Among feedbacks under which the loop is not stable, the one nearer to it is better: a heading
-    // left alone is not stable, and the search must find its way from there.
-    let cost = |k: &[f64]| {
-        const UNSTABLE: f64 = 1e20;
-        let cost = model.cost(k, law_gain, config.action_cost / (unit * unit));
-        if cost.is_finite() {
-            cost.min(UNSTABLE)
-        } else {
-            let radius = model.spectral_radius(k, law_gain);
-            UNSTABLE * (1.0 + if radius.is_finite() { radius } else { 1e6 })
+    const GENERATIONS: usize = 120;
+    let model = stride_model(map, constants, components)?;
+    let (n, m) = (model.state.len(), components.len());
+    let law_gain: Vec<f64> = components.iter().map(|(c, _)| limits[*c].gain).collect();
+    let action_cost: Vec<f64> = components
+        .iter()
+        .map(|(_, unit)| config.action_cost / (unit * unit))
+        .collect();
+    // The entries of K that are free; the others are zero.
+    let free: Vec<(usize, usize)> = (0..m)
+        .flat_map(|j| sees[j].iter().map(move |i| (j, *i)))
+        .collect();
+    let gain_of = |numbers: &[f64]| {
+        let mut k = DMatrix::zeros(m, n);
+        for (at, value) in free.iter().zip(numbers) {
+            k[*at] = *value;
         }
+        k
     };
+    let cost = |numbers: &[f64]| model.cost(&gain_of(numbers), &law_gain, &action_cost);
     // One unit of action for a state as far off as the data are wide would be a strong feedback.
-    let std: Vec<f64> = (0..n).map(|i| 0.3 * unit / model.spread[i]).collect();
-    let mut search = CmaEs::new(&vec![0.0; n], &std, None)?;
-    let (mut best, mut least) = (vec![0.0; n], cost(&vec![0.0; n]));
+    let std: Vec<f64> = free
+        .iter()
+        .map(|(j, i)| 0.3 * components[*j].1 / model.spread[*i])
+        .collect();
+    let none = vec![0.0; free.len()];
+    let mut search = CmaEs::new(&none, &std, None)?;
+    let (mut least, mut best) = (cost(&none), none);
     for _ in 0..GENERATIONS {
         let points = search.ask(rng);
         let costs: Vec<f64> = points.iter().map(|p| cost(p)).collect();
@@ -264,10 +308,13 @@ pub fn with_feedback(
         }
         search.tell(&points, &costs.iter().map(|c| -c).collect::<Vec<_>>())?;
     }
+    let best = gain_of(&best);
     let mut gain = vec![vec![0.0; n]; limits.len()];
     let mut limit = vec![0.0; limits.len()];
-    gain[component] = best;
-    limit[component] = config.limit;
+    for (j, (c, _)) in components.iter().enumerate() {
+        gain[*c] = best.row(j).iter().copied().collect();
+        limit[*c] = config.limit[j];
+    }
     let policy =
         LinearPolicy::new(spec.clone(), constants, &gain, &model.state)?.limited(&limit)?;
     Ok(SavedPolicy::Linear(policy))
@@ -276,23 +323,48 @@ pub fn with_feedback(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::dmatrix;
 
-    /// A scalar map that flips at −0.9: without feedback the variance is 1 / (1 − 0.81); the feedback
-    /// that cancels it leaves that of the noise alone.
-    #[test]
-    fn the_cost_is_the_stationary_variance() {
-        let model = StrideModel {
+    fn scalar(doubt: f64) -> StrideModel {
+        let mut of_slopes = DMatrix::zeros(3, 3);
+        of_slopes[(1, 1)] = doubt;
+        StrideModel {
             state: [0.0].into_iter().collect(),
-            of_state: nalgebra::dmatrix![-0.9],
-            of_action: nalgebra::dvector![0.5],
-            of_last_action: nalgebra::dvector![0.0],
+            of_state: dmatrix![-0.9],
+            of_action: dmatrix![0.5],
+            of_last_action: dmatrix![0.0],
+            doubt: vec![of_slopes],
             noise: nalgebra::dvector![0.04],
             spread: nalgebra::dvector![1.0],
-        };
-        assert!((model.cost(&[0.0], 1.0, 0.0) - 1.0 / 0.19).abs() < 1e-6);
-        assert!((model.cost(&[1.8], 1.0, 0.0) - 1.0).abs() < 1e-9);
-        // u = 1.8 x: its variance is 1.8² times that of x.
-        assert!((model.cost(&[1.8], 1.0, 1.0) - (1.0 + 1.8 * 1.8 * 0.04)).abs() < 1e-9);
-        assert!(model.cost(&[-1.0], 1.0, 0.0).is_infinite());
+        }
+    }
+
+    /// A scalar map that flips at −0.9: without feedback var(x(k)) / var(n) = (1 − 0.81ᵏ) / 0.19, of
+    /// which the mean over 60 strides is charged; the feedback that cancels the flip leaves that of the
+    /// noise alone, and its action, 1.8 times the state before it, costs from the second stride on.
+    #[test]
+    fn the_cost_is_the_mean_variance() {
+        let model = scalar(0.0);
+        let expected = (1..=60)
+            .map(|k| (1.0 - 0.81_f64.powi(k)) / 0.19)
+            .sum::<f64>()
+            / 60.0;
+        assert!((model.cost(&dmatrix![0.0], &[1.0], &[0.0]) - expected).abs() < 1e-9);
+        assert!((model.cost(&dmatrix![1.8], &[1.0], &[0.0]) - 1.0).abs() < 1e-9);
+        let of_action = 59.0 / 60.0 * 1.8 * 1.8 * 0.04;
+        assert!((model.cost(&dmatrix![1.8], &[1.0], &[1.0]) - (1.0 + of_action)).abs() < 1e-9);
+    }
+
+    /// What is not known of the slope of the action makes a strong feedback dear: with slope 0.5 ± s,
+    /// cancelling costs var(x(k)) = 1 + (1.8 s)² var(x(k−1)).
+    #[test]
+    fn doubt_about_a_slope_is_noise_that_grows_with_the_action() {
+        let grows = 1.8 * 1.8 * 0.09;
+        let expected = (1..=60)
+            .map(|k| (1.0 - f64::powi(grows, k)) / (1.0 - grows))
+            .sum::<f64>()
+            / 60.0;
+        let cost = scalar(0.09).cost(&dmatrix![1.8], &[1.0], &[0.0]);
+        assert!((cost - expected).abs() < 1e-9, "{cost} {expected}");
     }
 }

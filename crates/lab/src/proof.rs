@@ -6,8 +6,9 @@
 //! not discarded but shrunk towards stepping in place and tried again.
 
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
-use stridemap_learn::{ConstantPolicy, LinearPolicy, Policy, SavedPolicy};
+use stridemap_learn::{ConstantPolicy, Policy, SavedPolicy};
 use stridemap_returnmap::{Action, StrideEnd};
 
 use crate::error::LabError;
@@ -28,6 +29,10 @@ pub struct ProofConfig {
     pub shrink_on_warning: f64,
     /// How often a first policy is tried, the first time included.
     pub attempts: usize,
+    /// Standard deviations of what is added to the policy's action during the trial, per component: a
+    /// map needs to see actions vary to know what they do. Left out: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dither_std: Vec<f64>,
     /// Strides of backing off after a warning.
     pub back_off_strides: usize,
     /// What is taken from the proven action while backing off, per component of the action.
@@ -98,6 +103,7 @@ impl Proof {
 /// Walks a policy until it is proven, given up, or the guard warns.
 pub struct Prover<'a> {
     config: &'a ProofConfig,
+    dither_std: &'a [f64],
     policy: &'a dyn Policy,
     fallback: &'a dyn Policy,
     guard: Guard,
@@ -116,18 +122,21 @@ impl<'a> Prover<'a> {
     ///
     /// # Arguments
     ///
+    /// - `dither_std` – standard deviations of what is added to the action during the trial; empty: none.
     /// - `fallback` – what the robot backs off to, less `config.back_off`.
     /// - `beat_m_s` – speed of the best proven policy; without one every policy goes on to the proof.
     #[must_use]
     pub fn new(
         config: &'a ProofConfig,
         guard: (&GuardConfig, GuardThresholds),
+        dither_std: &'a [f64],
         policy: &'a dyn Policy,
         fallback: &'a dyn Policy,
         beat_m_s: Option<f64>,
     ) -> Self {
         Self {
             config,
+            dither_std,
             policy,
             fallback,
             guard: Guard::new(guard.0, guard.1),
@@ -176,9 +185,16 @@ impl<'a> Prover<'a> {
 }
 
 impl Act for Prover<'_> {
-    fn act(&mut self, state: &[f64], _rng: &mut ChaCha8Rng) -> Action {
+    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
         if self.backing_off.is_none() {
-            return self.policy.mean(state);
+            let mut action = self.policy.mean(state);
+            if self.walked < self.config.trial_strides {
+                for (u, std) in action.iter_mut().zip(self.dither_std) {
+                    let z: f64 = StandardNormal.sample(rng);
+                    *u += std * z;
+                }
+            }
+            return action;
         }
         let safe = self.fallback.mean(state);
         safe.iter()
@@ -223,8 +239,8 @@ impl Act for Prover<'_> {
     }
 }
 
-/// A policy's constants pulled towards the neutral action by a factor; feedback is kept. A network is
-/// not shrunk: `None`.
+/// A policy's constants pulled towards the neutral action by a factor, without their feedback: what
+/// warned may have been either. A network is not shrunk: `None`.
 ///
 /// # Errors
 ///
@@ -243,15 +259,10 @@ pub fn shrunk(
             policy.spec().clone(),
             &pulled(p.action()),
         )?)),
-        SavedPolicy::Linear(p) => Some(SavedPolicy::Linear(
-            LinearPolicy::new(
-                policy.spec().clone(),
-                &pulled(p.action()),
-                p.gain(),
-                p.state(),
-            )?
-            .limited(p.limit())?,
-        )),
+        SavedPolicy::Linear(p) => Some(SavedPolicy::Constant(ConstantPolicy::new(
+            policy.spec().clone(),
+            &pulled(p.action()),
+        )?)),
         _ => None,
     })
 }

@@ -481,16 +481,22 @@ impl Task {
         match kind {
             LearnerKind::Search => {
                 let search = self.search()?;
-                if let Some(feedback) = &search.feedback
-                    && !self
-                        .action
-                        .iter()
-                        .any(|a| a.modulates == feedback.modulates)
-                {
-                    return invalid(
-                        "learner.search.feedback.modulates",
-                        format!("{:?} is not a component of the action", feedback.modulates),
-                    );
+                if let Some(feedback) = &search.feedback {
+                    let known = |name: &String| self.action.iter().any(|a| a.modulates == *name);
+                    if let Some(name) = feedback.modulates.iter().find(|name| !known(name)) {
+                        return invalid(
+                            "learner.search.feedback.modulates",
+                            format!("{name:?} is not a component of the action"),
+                        );
+                    }
+                    if feedback.limit.len() != feedback.modulates.len()
+                        || feedback.limit.iter().any(|l| !(l.is_finite() && *l > 0.0))
+                    {
+                        return invalid(
+                            "learner.search.feedback.limit",
+                            "needs a positive number for each modulation that is fed back".into(),
+                        );
+                    }
                 }
                 if search.unscored_strides >= search.strides_per_episode
                     || search.generations == 0

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::{DMatrix, DVector};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -54,6 +55,17 @@ pub struct MapWorld {
     pub failure: MapFailure,
     /// The reward of a next state; `None`: a Gaussian process of its own predicts it.
     pub reward: Option<StateReward>,
+}
+
+/// Where a map is evaluated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapPoint {
+    /// x(k).
+    pub state: State,
+    /// u(k).
+    pub action: Vec<f64>,
+    /// u(k−1).
+    pub last_action: Vec<f64>,
 }
 
 /// A prediction of one stride.
@@ -222,6 +234,58 @@ impl LearnedMap {
             latent_variances,
             reward,
         })
+    }
+
+    /// Slopes of the next state by central differences, and what the map does not know of them.
+    ///
+    /// # Arguments
+    ///
+    /// - `moves` – per direction a point ahead, a point behind, and half the way between them.
+    ///
+    /// # Returns
+    ///
+    /// The slopes, components of the state by directions; and for each component the posterior
+    /// covariance of its row of slopes, from the joint distribution of the latent function at all
+    /// points \[RW06, eq. (2.24)\].
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError::Map`] for inputs that are not finite.
+    pub fn slopes(
+        &self,
+        moves: &[(MapPoint, MapPoint, f64)],
+    ) -> Result<(DMatrix<f64>, Vec<DMatrix<f64>>), ProcessError> {
+        let count = moves.len();
+        let dims = self
+            .config
+            .dims(self.world.spec.state.len(), self.world.spec.action.len());
+        let mut inputs = Vec::with_capacity(2 * count * dims);
+        for p in moves.iter().flat_map(|(ahead, behind, _)| [ahead, behind]) {
+            self.config
+                .input_row(&p.state, &p.action, &p.last_action, &mut inputs);
+        }
+        let points = Points::new(&inputs, dims)?;
+        // The difference quotient: slopes = D f, with two entries a row.
+        let mut quotient = DMatrix::zeros(count, 2 * count);
+        for (d, (_, _, half)) in moves.iter().enumerate() {
+            quotient[(d, 2 * d)] = 0.5 / half;
+            quotient[(d, 2 * d + 1)] = -0.5 / half;
+        }
+        let mut slopes = DMatrix::zeros(self.outputs.len(), count);
+        let mut doubt = Vec::with_capacity(self.outputs.len());
+        for (i, gp) in self.outputs.iter().enumerate() {
+            let joint = gp.predict_joint(points)?;
+            let next = moves
+                .iter()
+                .flat_map(|(ahead, behind, _)| [ahead, behind])
+                .zip(&joint.mean)
+                .map(|(p, mean)| self.config.next(i, &p.state, *mean));
+            let values = DVector::from_iterator(2 * count, next);
+            slopes.set_row(i, &(&quotient * values).transpose());
+            let covariance = DMatrix::from_row_slice(2 * count, 2 * count, &joint.covariance);
+            doubt.push(&quotient * covariance * quotient.transpose());
+        }
+        Ok((slopes, doubt))
     }
 
     /// What is kept of the map in a file.

@@ -37,7 +37,9 @@ mod stability;
 pub use action_law::{ActionLaw, ActionLimits};
 pub use analysis::{AnalysisError, MeanMap};
 pub use compass_gait::{CompassGait, CompassGaitParameters};
-pub use learned::{LearnedMap, MapFailure, MapPrediction, MapSample, MapWorld, StateReward};
+pub use learned::{
+    LearnedMap, MapFailure, MapPoint, MapPrediction, MapSample, MapWorld, StateReward,
+};
 pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
 pub use linear_quadratic::{LinearFeedback, linear_quadratic_feedback};
 pub use map_config::{MapConfig, MapDraw, MapInput, MapStart};

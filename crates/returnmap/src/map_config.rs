@@ -98,7 +98,11 @@ impl MapConfig {
             })
         };
         if let Some(&i) = self.invariant.iter().find(|i| **i >= states) {
-            return bad("map.invariant", i as f64, "must be a component of the state");
+            return bad(
+                "map.invariant",
+                i as f64,
+                "must be a component of the state",
+            );
         }
         let dims = self.dims(states, actions);
         for input in [MapInput::State, MapInput::Action] {
