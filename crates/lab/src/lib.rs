@@ -68,7 +68,7 @@ pub use plant::{
     FailureConfig, InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver,
     TickObserver,
 };
-pub use poses::{PoseRecorder, Recording};
+pub use poses::{Pace, PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
