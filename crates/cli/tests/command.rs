@@ -307,7 +307,7 @@ fn strips_are_drawn_from_runs_that_are_kept_and_say_the_recorded_speed() {
     let svg = read("fig18.svg");
     assert!(
         svg.contains(&format!(
-            "policy of iteration 2: {said}, learned from 10 strides"
+            "After iteration 2 (small-walking): {said}, learned from 10 strides"
         )),
         "{said}"
     );

@@ -14,10 +14,10 @@ const TICK: f64 = 11.5;
 /// Size of axis labels, px.
 const LABEL: f64 = 13.0;
 /// Height of the drawing, px.
-const HEIGHT: f64 = 400.0;
+const HEIGHT: f64 = 440.0;
 /// By how much the scene is turned about the vertical, and how far the camera looks down.
 const TURN_DEG: f64 = 38.0;
-const DOWN_DEG: f64 = 24.0;
+const DOWN_DEG: f64 = 28.0;
 /// Cells of the surface along either axis, at most.
 const CELLS: usize = 28;
 
@@ -27,12 +27,15 @@ struct Camera {
     /// Pixels to an edge of the box, across and upward.
     size: [f64; 2],
     middle: [f64; 2],
+    /// Whether the second axis runs towards the camera instead of away from it.
+    towards: bool,
 }
 
 impl Camera {
     /// Pixel of a point, and how far away it is.
     fn see(&self, p: [f64; 3]) -> ([f64; 2], f64) {
         let [x, u, z] = [0, 1, 2].map(|i| self.axes[i].fraction(p[i]) - 0.5);
+        let u = if self.towards { -u } else { u };
         let (st, ct) = TURN_DEG.to_radians().sin_cos();
         let (sd, cd) = DOWN_DEG.to_radians().sin_cos();
         let away = u * ct - x * st;
@@ -57,7 +60,10 @@ impl Camera {
 
     /// Floor and back walls with their grid, ticks and labels.
     fn frame(&self) -> String {
-        let [[x0, x1], [u0, u1], [z0, z1]] = [0, 1, 2].map(|i| self.ends(i));
+        let [[x0, x1], [mut u0, mut u1], [z0, z1]] = [0, 1, 2].map(|i| self.ends(i));
+        if self.towards {
+            std::mem::swap(&mut u0, &mut u1); // u0 is the near end of the axis.
+        }
         let mut grid = String::new();
         for (x, _) in &self.axes[0].ticks {
             grid.push_str(&self.path([[*x, u0, z0], [*x, u1, z0], [*x, u1, z1]]));
@@ -173,7 +179,7 @@ pub fn fig13(data: &MapFigure) -> Result<Figure> {
         .chain(strides.iter().map(|s| s[2]));
     let (state, action) = (&data.columns.state[0], &data.columns.action[0]);
     let mut sheet = Sheet::new(stem, "The approximated map of one stride");
-    let [left, top] = sheet.free(HEIGHT + 46.0);
+    let [left, top] = sheet.free(HEIGHT + 20.0);
     let (z0, z1) = extent(heights);
     let camera = Camera {
         axes: [
@@ -181,8 +187,10 @@ pub fn fig13(data: &MapFigure) -> Result<Figure> {
             Axis::linear_with(&label(action, "(k)"), plane.u[0], plane.u[nu - 1], 6.0),
             Axis::linear_with(&label(state, "(k + 1)"), z0, z1, 6.0),
         ],
-        size: [370.0, 255.0],
-        middle: [left + 0.5 * Sheet::FREE_WIDTH, top + 0.5 * HEIGHT + 4.0],
+        size: [372.0, 190.0],
+        middle: [left + 0.5 * Sheet::FREE_WIDTH + 6.0, top + 0.5 * HEIGHT],
+        // The surface shows its face where it rises away from the camera.
+        towards: mean(nx / 2, nu - 1) < mean(nx / 2, 0),
     };
     let mut svg = camera.frame();
 
@@ -262,7 +270,7 @@ pub fn fig13(data: &MapFigure) -> Result<Figure> {
     }
     let unit = quantity(state).1;
     svg.push_str(&color_bar(
-        [left + Sheet::FREE_WIDTH - 250.0, top + HEIGHT + 4.0],
+        [left + Sheet::FREE_WIDTH - 240.0, top + 10.0],
         [s0, s1],
         &format!("standard deviation of the function ({unit})"),
     ));
@@ -347,6 +355,7 @@ mod tests {
             axes: [axis(), axis(), axis()],
             size: [100.0, 100.0],
             middle: [0.0, 0.0],
+            towards: false,
         };
         let at = |p| camera.see(p);
         let (left, front, right) = (

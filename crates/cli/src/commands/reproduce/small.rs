@@ -21,11 +21,11 @@ const STEPS: Shot = Shot {
     interval_s: 0.16,
     moments: 8,
 };
-/// Half a minute, as long as its walking is measured.
+/// Half a minute, about as long as its walking is measured.
 const WALK: Shot = Shot {
     view: View::Side,
-    interval_s: 5.0,
-    moments: 7,
+    interval_s: 4.0,
+    moments: 8,
 };
 /// Film that is left out before the strip of steps begins, so that the start has died away.
 const SETTLED_S: f64 = 6.0;
@@ -61,13 +61,13 @@ pub fn stepping(
             &command,
         ));
         rows.push(row(
-            "the same after at most 60 strides",
+            "Fig. 14: the same, final policy (at most 60 strides)",
             "-",
             mean(&|s| Some(s.final_policy?.performance.mean_psi_roll_deg)),
             &command,
         ));
         rows.push(row(
-            "the same, true instead of estimated",
+            "Fig. 14: the same, final policy, true instead of estimated",
             "-",
             mean(&|s| s.final_policy?.performance.true_mean_psi_roll_deg),
             &command,
@@ -80,9 +80,9 @@ pub fn stepping(
             lead: "Fig. 15 of the paper: stepping of the small humanoid after one iteration."
                 .into(),
             strips: vec![Strip {
-                name: "small-stepping, after one iteration".into(),
+                name: "After one iteration (small-stepping)".into(),
                 speed_m_s: None,
-                note: "from a section on".into(),
+                note: "two steps, from a section on".into(),
                 recording: settled(&first, "iteration-1")?,
             }],
         };
@@ -170,7 +170,7 @@ pub fn walking(
         Ok(Strip::of_run(
             &first,
             &format!("iteration-{n}"),
-            &format!("small-walking, policy of iteration {n}"),
+            &format!("After iteration {n} (small-walking)"),
             &format!("learned from {} strides", strides(n)),
         )?)
     };
@@ -180,11 +180,11 @@ pub fn walking(
             title: "The small humanoid before learning to walk".into(),
             lead: "Fig. 16 of the paper: initially the humanoid robot explores around the starting position.".into(),
             strips: vec![
-                Strip::of_run(&first, "nominal", "small-walking, nominal gait", "before anything is learned")?,
+                Strip::of_run(&first, "nominal", "Nominal gait (small-walking)", "before anything is learned")?,
                 Strip::of_run(
                     &first,
                     "exploration",
-                    "small-walking, exploring",
+                    "Exploring (small-walking)",
                     "the first strides of those from which it learns; targets of A_walk drawn from 0 to 6 deg",
                 )?,
             ],

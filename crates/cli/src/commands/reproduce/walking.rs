@@ -36,13 +36,13 @@ pub fn figures(
             Strip::of_run(
                 &paper.first,
                 "exploration",
-                "walking-paper, exploring",
+                "Exploring (walking-paper)",
                 "actions drawn at random about zero, the first strides of those from which it learns",
             )?,
             Strip::of_run(
                 &walking.first,
                 "nominal",
-                "walking, nominal gait",
+                "Nominal gait (walking)",
                 "before anything is learned",
             )?,
         ],
@@ -57,20 +57,20 @@ pub fn figures(
             Strip::of_run(
                 &paper.first,
                 "iteration-1",
-                "walking-paper, after one iteration",
-                "one action, the paper's settings literally, 100 strides",
+                "After one iteration, the paper's settings (walking-paper)",
+                "Tables 1 and 2 literally, learned from 100 strides",
             )?,
             Strip::of_run(
                 &single.first,
                 "final",
-                "walking-single, final policy",
-                "the same action, at most 300 strides",
+                "Final policy, one modulation (walking-single)",
+                "A_walk as in the paper, our best, at most 300 strides",
             )?,
             Strip::of_run(
                 &walking.first,
                 "final",
-                "walking, final policy",
-                "six modulations of the gait, at most 300 strides",
+                "Final policy, six modulations (walking)",
+                "at most 300 strides",
             )?,
         ],
     };

@@ -229,7 +229,7 @@ fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot)
             ),
             hover,
         );
-        said.push(caption_of(&head, strip, row));
+        said.push(caption_of(&head, strip, row, shot.view));
         for silhouette in row {
             for piece in &silhouette.pieces {
                 let [ahead, left, up] = piece.centre_m;
@@ -245,24 +245,22 @@ fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot)
             }
         }
     }
-    let (line, legs) = match shot.view {
-        View::Side => (
-            "starting position",
-            "the right leg, nearer to the camera, is dark",
+    let legend = match shot.view {
+        View::Side => format!(
+            "The thick line is the starting position, thin lines are {} m apart, a bar on the floor is the way from the start; \
+             the right leg, nearer to the camera, has the stronger tone.",
+            number(stage.ruler_m(), 2)
         ),
-        View::Front => (
-            "middle of the robot at the start",
-            "seen from ahead; the right leg, on the left of the picture, is dark",
-        ),
+        View::Front => "Seen from ahead: the right leg, on the left of the picture, has the stronger tone; the thick line is where the middle \
+             of the torso is at first, a bar on the floor how far it is from there."
+            .to_owned(),
     };
     let caption = format!(
         "{} {} Time proceeds from left to right, {} s from one moment to the next: each lane is the same floor, later. \
-         The thick line is the {line}, thin lines are {} m apart, a bar on the floor is the way from the start; {legs}. \
-         Drawn from recorded poses.",
+         {legend} Drawn from recorded poses.",
         figure.lead,
         said.join(" "),
         number(shot.interval_s, 3),
-        number(stage.ruler_m(), 2),
     );
     let alt = format!(
         "Time-lapse drawing of a walking robot: {}",
@@ -285,7 +283,7 @@ fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot)
 }
 
 /// What the caption says of a strip.
-fn caption_of(head: &str, strip: &Strip, row: &[Silhouette]) -> String {
+fn caption_of(head: &str, strip: &Strip, row: &[Silhouette], view: View) -> String {
     let mut text = format!("{head}{}", strip.name);
     if let Some(speed) = strip.speed_m_s {
         text.push_str(&format!(": {} m/s", signed(speed, 3)));
@@ -298,14 +296,14 @@ fn caption_of(head: &str, strip: &Strip, row: &[Silhouette]) -> String {
         });
         text.push_str(&strip.note);
     }
-    if let Some(last) = row.last() {
+    if let (Some(last), View::Side) = (row.last(), view) {
         text.push_str(&format!(
-            "; {} m ahead after {} s.",
+            "; {} m ahead after {} s",
             signed(last.way_m[0], 2),
             number(last.time_s, 3)
         ));
     }
-    text
+    text + "."
 }
 
 /// A strip whose floor's front left corner is at a pixel.
@@ -373,7 +371,10 @@ fn picture(
         floor + 14.0,
         Anchor::Middle,
         "pnl",
-        "start",
+        match view {
+            View::Side => "start",
+            View::Front => "middle",
+        },
     ));
     // The last moment is the farthest lane: drawn first.
     let mut hover = Vec::new();
@@ -430,15 +431,19 @@ fn text(x: f64, y: f64, anchor: Anchor, class: &str, text: &str) -> String {
 
 /// A robot, its pieces from the far side to the near one, above a soft shadow.
 fn robot(seen: &Silhouette, x: &dyn Fn(f64) -> f64, y: &dyn Fn(f64) -> f64) -> String {
-    let [left, right] = seen.extent_m(0);
+    let [left, right] = seen.standing_m();
     let half = 0.5 * (x(right) - x(left));
-    let mut svg = format!(
-        "<ellipse class=\"shade\" cx=\"{}\" cy=\"{}\" rx=\"{}\" ry=\"{}\"/>",
-        coord(x(0.5 * (left + right))),
-        coord(y(0.0)),
-        coord(1.1 * half),
-        coord(0.13 * half)
-    );
+    let mut svg = if half > 0.0 {
+        format!(
+            "<ellipse class=\"shade\" cx=\"{}\" cy=\"{}\" rx=\"{}\" ry=\"{}\"/>",
+            coord(x(0.5 * (left + right))),
+            coord(y(0.0)),
+            coord(1.15 * half),
+            coord(0.17 * half)
+        )
+    } else {
+        String::new() // In the air, or falling.
+    };
     for piece in &seen.pieces {
         let class = match piece.tone {
             Tone::Far => "far",

@@ -73,6 +73,18 @@ impl Silhouette {
         })
     }
 
+    /// Least and greatest to the right of what is near the floor: under 5 % of the robot's height.
+    pub(crate) fn standing_m(&self) -> [f64; 2] {
+        let [low, high] = self.extent_m(1);
+        let near = low.max(0.0) + 0.05 * (high - low);
+        let points = self.pieces.iter().flat_map(|p| &p.outline_m);
+        points
+            .filter(|p| p[1] <= near)
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], p| {
+                [lo.min(p[0]), hi.max(p[0])]
+            })
+    }
+
     /// The torso's way along the picture.
     pub(crate) fn along_m(&self, view: View) -> f64 {
         match view {
@@ -84,6 +96,9 @@ impl Silhouette {
 
 /// Points around a circle; a circle of radius 1 is then drawn to 0.4 %.
 const AROUND: usize = 36;
+
+/// Shapes this near to the middle, as a share of the farthest to the side, belong to neither side.
+const MIDDLE: f64 = 0.08;
 
 /// `R(q) v` for a unit quaternion (w, x, y, z).
 pub(crate) fn turn([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
@@ -229,27 +244,30 @@ impl<'a> Scene<'a> {
         let pose = *first.poses.get(torso)?;
         let [x, y, _] = turn([pose[3], pose[4], pose[5], pose[6]], [1.0, 0.0, 0.0]);
         let yaw = y.atan2(x);
-        let mut scene = Self {
+        // In the torso's own frame, because the robot may be swaying at the start.
+        let own = [pose[3], -pose[4], -pose[5], -pose[6]];
+        let lateral: Vec<f64> = recording
+            .shapes
+            .iter()
+            .map(|s| {
+                let p = place(first, s, [0.0; 3]);
+                turn(own, [0, 1, 2].map(|i| p[i] - pose[i]))[1]
+            })
+            .collect();
+        let widest = lateral.iter().fold(0.0, |most: f64, l| most.max(l.abs()));
+        let tone = |l: &f64| match *l {
+            l if l > MIDDLE * widest => Tone::Far,
+            l if l < -MIDDLE * widest => Tone::Near,
+            _ => Tone::Middle,
+        };
+        let scene = Self {
             recording,
             view,
             torso,
             origin_m: [pose[0], pose[1]],
             heading: [yaw.cos(), yaw.sin()],
-            tones: Vec::new(),
+            tones: lateral.iter().map(tone).collect(),
         };
-        let shapes = recording.shapes.iter();
-        let lateral: Vec<f64> = shapes
-            .map(|s| scene.to_start(place(first, s, [0.0; 3]))[1])
-            .collect();
-        let widest = lateral.iter().fold(0.0, |most: f64, l| most.max(l.abs()));
-        scene.tones = lateral
-            .iter()
-            .map(|l| match l {
-                l if *l > 0.2 * widest => Tone::Far,
-                l if *l < -0.2 * widest => Tone::Near,
-                _ => Tone::Middle,
-            })
-            .collect();
         Some(scene)
     }
 
