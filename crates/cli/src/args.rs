@@ -194,8 +194,8 @@ pub enum Command {
         /// linear, bayes-opt or cma-es.
         #[arg(long, conflicts_with = "resume")]
         learner: Option<LearnerName>,
-        /// Collects strides until the map's one-step prediction error at the next section (its largest
-        /// component, relative to the spread of the data) is under this.
+        /// Collects strides, 20 at a time, until the map of those before predicts the newest 20 at the
+        /// next section with an error (its largest component, relative to their spread) under this.
         #[arg(long, value_name = "X", conflicts_with = "resume")]
         until_error: Option<f64>,
         /// Runs this many seeds, SEED, SEED+1, ..., in parallel, and sums them up.

@@ -74,7 +74,7 @@ pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
 pub use robots::RobotChoice;
-pub use samples::one_step_error;
+pub use samples::{one_step_error, unseen_error};
 pub use steering::{Steered, can_steer, steer};
 pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,

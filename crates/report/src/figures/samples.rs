@@ -17,6 +17,8 @@ pub struct SamplesPoint {
     /// One-step prediction error: leave one out, root mean square over the spread of the data, the
     /// largest over the components of the state.
     pub error: f64,
+    /// The same on strides of an exploration that the map has not seen, over their spread.
+    pub unseen_error: f64,
     /// Speed of the policy learned from them, m/s; `None` where no policy was proven.
     pub speed_m_s: Option<f64>,
     /// Falls while learning it.
@@ -42,8 +44,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
     let stem = "samples";
     some(stem, "points", points.len())?;
-    let errors: Vec<f64> = points.iter().map(|p| p.error).collect();
+    let mut errors: Vec<f64> = points.iter().map(|p| p.error).collect();
     column(stem, "error", &errors, points.len())?;
+    errors.extend(points.iter().map(|p| p.unseen_error));
+    column(stem, "unseen_error", &errors, 2 * points.len())?;
     let speeds: Vec<f64> = points.iter().filter_map(|p| p.speed_m_s).collect();
     column(stem, "speed_m_s", &speeds, speeds.len())?;
     let mut counts: Vec<u32> = points.iter().map(|p| p.samples).collect();
@@ -65,6 +69,7 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
         own.filter_map(value).collect()
     };
     let error = |p: &SamplesPoint| Some(p.error);
+    let unseen = |p: &SamplesPoint| Some(p.unseen_error);
     let speed = |p: &SamplesPoint| p.speed_m_s;
     let mut sheet = Sheet::new(stem, "How many strides does a map of walking need?");
     let panels = sheet.row(
@@ -73,7 +78,7 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
             (
                 1.0,
                 x(),
-                from_zero("one-step prediction error (share of the spread)", &errors),
+                from_zero("prediction error (share of the spread)", &errors),
                 None,
             ),
             (
@@ -84,45 +89,65 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
             ),
         ],
     );
+    type Value<'a> = &'a dyn Fn(&SamplesPoint) -> Option<f64>;
+    let series: [(usize, Value<'_>, &str, Dash, Mark, &str); 3] = [
+        (
+            0,
+            &unseen,
+            "s2",
+            Dash::Dashed,
+            Mark::Diamond,
+            "error on unseen strides",
+        ),
+        (
+            0,
+            &error,
+            "s1",
+            Dash::Solid,
+            Mark::Dot,
+            "error, leaving one out",
+        ),
+        (1, &speed, "s0", Dash::Solid, Mark::Dot, "speed"),
+    ];
     for (i, mut p) in panels.into_iter().enumerate() {
-        let value: &dyn Fn(&SamplesPoint) -> Option<f64> = if i == 0 { &error } else { &speed };
-        let class = if i == 0 { "s1" } else { "s0" };
-        let medians: Vec<(f64, f64)> = counts
-            .iter()
-            .map(|n| (place(*n), median(of(*n, value))))
-            .collect();
-        p.line(&medians, class, Dash::Solid, 2.2);
-        let seeds: Vec<(f64, f64)> = points
-            .iter()
-            .filter_map(|q| Some((place(q.samples), value(q)?)))
-            .collect();
-        p.marks(&seeds, class, Mark::Dot, 4.0);
-        for q in points {
-            if let Some(v) = value(q) {
-                p.hover(
-                    place(q.samples),
-                    v,
-                    format!(
-                        "{} samples, seed {}: {}, {}",
-                        q.samples,
-                        q.seed,
-                        signed(v, 3),
-                        plural(q.falls as usize, "fall")
-                    ),
-                );
+        for (_, value, class, dash, mark, name) in series.iter().filter(|s| s.0 == i) {
+            let medians: Vec<(f64, f64)> = counts
+                .iter()
+                .map(|n| (place(*n), median(of(*n, value))))
+                .collect();
+            p.line(&medians, class, *dash, 2.2);
+            let seeds: Vec<(f64, f64)> = points
+                .iter()
+                .filter_map(|q| Some((place(q.samples), value(q)?)))
+                .collect();
+            let size = if *mark == Mark::Dot { 4.0 } else { 2.8 };
+            p.marks(&seeds, class, *mark, size);
+            for q in points {
+                if let Some(v) = value(q) {
+                    p.hover(
+                        place(q.samples),
+                        v,
+                        format!(
+                            "{name}, {} samples, seed {}: {}, {}",
+                            q.samples,
+                            q.seed,
+                            signed(v, 3),
+                            plural(q.falls as usize, "fall")
+                        ),
+                    );
+                }
             }
+            p.key(name, Key::Both(class, *dash, *mark));
         }
-        p.key("error, one seed", Key::Mark("s1", Mark::Dot));
-        p.key("speed, one seed", Key::Mark("s0", Mark::Dot));
-        p.key("medians", Key::Line(class, Dash::Solid));
         sheet.add(p);
     }
     let said: Vec<String> = counts
         .iter()
         .map(|n| {
             format!(
-                "{n}: {}, {} m/s",
+                "{n}: {} and {}, {} m/s",
                 number(median(of(*n, &error)), 2),
+                number(median(of(*n, &unseen)), 2),
                 signed(median(of(*n, &speed)), 3)
             )
         })
@@ -131,7 +156,8 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
     let seeds = points.iter().filter(|p| p.samples == counts[0]).count();
     let caption = format!(
         "Sec. 8.1 of the paper asks how many samples a map needs. Left: one-step prediction error of the map learned from so many \
-         strides of exploration (leave one out, root mean square over the spread of the data, the worst component of the state). \
+         strides of exploration, root mean square over the spread of the data, the worst component of the state: leaving one out, \
+         and on the strides of another exploration that no map has seen. \
          Right: speed over up to 60 s of the policy learned from them and proven on the robot. Points: n = {seeds} seeds; lines: \
          medians ({}). {} in {} runs. Horizontal axis logarithmic, up to {} samples.",
         said.join("; "),
@@ -139,12 +165,12 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
         points.len(),
         number(most, 4)
     );
-    let mut csv = String::from("samples,seed,error,speed_m_s,falls\n");
+    let mut csv = String::from("samples,seed,error,unseen_error,speed_m_s,falls\n");
     for p in points {
         let speed = p.speed_m_s.map_or_else(String::new, |v| v.to_string());
         csv.push_str(&format!(
-            "{},{},{},{speed},{}\n",
-            p.samples, p.seed, p.error, p.falls
+            "{},{},{},{},{speed},{}\n",
+            p.samples, p.seed, p.error, p.unseen_error, p.falls
         ));
     }
     let alt = format!(
@@ -164,6 +190,7 @@ mod tests {
             samples,
             seed,
             error,
+            unseen_error: 1.0,
             speed_m_s,
             falls: u32::from(seed == 2),
         };
@@ -175,15 +202,15 @@ mod tests {
         ];
         let figure = samples(&points).unwrap();
         assert!(
-            figure
-                .caption
-                .contains("(20: 0.9, 0.100 m/s; 200: 0.3, 0.450 m/s). 2 falls in 4 runs"),
+            figure.caption.contains(
+                "(20: 0.9 and 1, 0.100 m/s; 200: 0.3 and 1, 0.450 m/s). 2 falls in 4 runs"
+            ),
             "{}",
             figure.caption
         );
         assert_eq!(figure.csv.lines().count(), 5);
-        assert!(figure.csv.contains("\n20,2,1,,1\n"));
-        // Four errors and three speeds, and one of either in the legend.
+        assert!(figure.csv.contains("\n20,2,1,1,,1\n"));
+        // Four errors by leaving one out and three speeds, and one of either in the legend.
         assert_eq!(figure.svg.matches("<circle").count(), 7 + 2);
         assert!(samples(&[]).is_err());
     }

@@ -1,5 +1,7 @@
 //! `reproduce`: the paper's figures from our own runs.
 
+#[cfg(feature = "render")]
+mod rendered;
 mod runs;
 mod samples;
 mod small;
@@ -11,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use stridemap_lab::run::files;
+use stridemap_report::figures::{Shot, TimeLapse, time_lapses};
 
 use crate::args::{Common, FigureName};
 use crate::commands::learn::median;
@@ -126,6 +129,30 @@ fn row(what: &str, paper: &str, ours: String, command: &str) -> Row {
         ours,
         command: command.into(),
     }
+}
+
+/// Writes the strips' figures that are wanted; with the feature `render` also as pictures of the robots.
+/// Camera and scale are those of all of them, whichever are wanted.
+fn write_strips(
+    dir: &Path,
+    wanted: &BTreeSet<FigureName>,
+    lapses: &[TimeLapse],
+    names: &[FigureName],
+    shot: Shot,
+) -> Result<(), Failure> {
+    let drawn = time_lapses(lapses, shot)?;
+    for (figure, name) in drawn.iter().zip(names) {
+        if wanted.contains(name) {
+            figure.write(dir)?;
+        }
+    }
+    #[cfg(feature = "render")]
+    for (lapse, name) in lapses.iter().zip(names) {
+        if wanted.contains(name) {
+            rendered::write(dir, lapse, lapses, shot)?;
+        }
+    }
+    Ok(())
 }
 
 /// Median and range of one number per seed.

@@ -5,13 +5,11 @@ use std::path::Path;
 
 use stridemap_lab::run::Summary;
 use stridemap_report::ReportError;
-use stridemap_report::figures::{
-    Fig14, MapFigure, Shot, Strip, TimeLapse, View, fig13, fig14, time_lapses,
-};
+use stridemap_report::figures::{Fig14, MapFigure, Shot, Strip, TimeLapse, View, fig13, fig14};
 use stridemap_report::run::{Recording, Run, StrideEnd, StrideRow};
 
 use super::runs::{Runs, RunsOfTask};
-use super::{Row, row, spread};
+use super::{Row, row, spread, write_strips};
 use crate::args::FigureName;
 use crate::failure::Failure;
 
@@ -86,9 +84,7 @@ pub fn stepping(
                 recording: settled(&first, "iteration-1")?,
             }],
         };
-        for figure in time_lapses(&[lapse], STEPS)? {
-            figure.write(dir)?;
-        }
+        write_strips(dir, wanted, &[lapse], &[FigureName::Fig15], STEPS)?;
     }
     Ok(rows)
 }
@@ -207,11 +203,7 @@ pub fn walking(
         },
     ];
     let names = [FigureName::Fig16, FigureName::Fig17, FigureName::Fig18];
-    for (figure, name) in time_lapses(&lapses, WALK)?.iter().zip(names) {
-        if wanted.contains(&name) {
-            figure.write(dir)?;
-        }
-    }
+    write_strips(dir, wanted, &lapses, &names, WALK)?;
     let speed = |n: usize| {
         let speeds = summaries
             .iter()

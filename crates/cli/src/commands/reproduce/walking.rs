@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use stridemap_report::figures::{Shot, Strip, TimeLapse, View, time_lapses};
+use stridemap_report::figures::{Shot, Strip, TimeLapse, View};
 
 use super::runs::{Runs, RunsOfTask};
-use super::{Row, row, spread};
+use super::{Row, row, spread, write_strips};
 use crate::args::FigureName;
 use crate::failure::Failure;
 
@@ -74,13 +74,8 @@ pub fn figures(
             )?,
         ],
     };
-    // Both are always composed, so that camera and scale do not depend on which is asked for.
-    let drawn = time_lapses(&[before, after], SHOT)?;
-    for (figure, name) in drawn.iter().zip([FigureName::Fig11, FigureName::Fig12]) {
-        if wanted.contains(&name) {
-            figure.write(dir)?;
-        }
-    }
+    let names = [FigureName::Fig11, FigureName::Fig12];
+    write_strips(dir, wanted, &[before, after], &names, SHOT)?;
     let mut rows = Vec::new();
     if wanted.contains(&FigureName::Fig12) {
         let of = |what: &str, runs_of: &RunsOfTask, task: &str, iteration: Option<usize>| {

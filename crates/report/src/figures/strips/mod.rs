@@ -12,6 +12,7 @@
 //! ```
 
 mod silhouette;
+mod solid;
 
 use super::check::some;
 use crate::draw::{Anchor, Sheet, coord, number, signed, spans, width};
@@ -21,6 +22,7 @@ use crate::run::{Recording, Run};
 
 pub use silhouette::View;
 use silhouette::{Scene, Silhouette, Tone};
+pub use solid::{Solid, solids};
 
 /// A robot walking, to be drawn as one strip.
 #[derive(Clone, Debug, PartialEq)]
