@@ -343,3 +343,45 @@ fn strips_are_drawn_from_runs_that_are_kept_and_say_the_recorded_speed() {
         stderr(&other)
     );
 }
+
+#[test]
+fn the_small_humanoids_figures_say_what_the_run_recorded() {
+    let dir = tempfile::tempdir().unwrap();
+    let document = json(&stridemap(
+        dir.path(),
+        &[
+            "reproduce",
+            "fig13",
+            "fig14",
+            "fig15",
+            "--seeds=1",
+            "--out=figs",
+            "--json",
+            "--set=collect.strides=[8]",
+            "--set=algorithm.iterations=1",
+            "--set=learner.actor_critic.trials=40",
+        ],
+    ));
+    let figs = dir.path().join("figs");
+    let read = |file: &str| std::fs::read_to_string(figs.join(file)).unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&read("runs/small-stepping-1/summary.json")).unwrap();
+    let mean = summary["iterations"][0]["mean_psi_roll_deg"]
+        .as_f64()
+        .unwrap();
+    let said = format!("{mean:.2} deg (paper").replace('-', "\u{2212}");
+    let caption = read("fig14.svg");
+    assert!(caption.contains("Mean over steps 11 to 40: "), "{caption}");
+    assert!(caption.contains(&said), "{said}");
+    assert_eq!(document["table"][0]["paper"], "0.12 deg");
+    assert_eq!(read("fig14.csv").lines().count(), 41);
+    // The strides behind the map, as they are in the log.
+    let log = read("runs/small-stepping-1/transitions.csv");
+    let reached = log.lines().filter(|l| l.contains(",crossing,")).count();
+    let drawn = read("fig13.csv");
+    assert_eq!(
+        drawn.lines().filter(|l| l.starts_with("stride,")).count(),
+        reached
+    );
+    assert!(read("fig15.svg").contains("Seen from ahead"));
+}

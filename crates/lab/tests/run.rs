@@ -257,7 +257,7 @@ fn a_run_has_time_lapses_of_exploration_and_of_every_policy() {
         let path = run.join(format!("lapse/{what}.json"));
         let recording: Recording =
             serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-        assert_eq!(recording.period_s, 0.5);
+        assert!((recording.period_s - 0.5).abs() < 1e-12);
         let first_s = recording.frames[0].time_s;
         for (i, frame) in recording.frames.iter().enumerate() {
             // Ticks of 2 ms stand on the half seconds.

@@ -372,4 +372,64 @@ mod tests {
         let rise = 100.0 * DOWN_DEG.to_radians().cos();
         assert!((low[1] - high[1] - rise).abs() < 1e-9 && (low[0] - high[0]).abs() < 1e-9);
     }
+
+    /// A plane x' = 1 - u over a grid of 3 by 3, with one stride above and one below it.
+    #[test]
+    fn the_table_has_the_grid_and_the_strides_and_the_marks_their_side() {
+        let (mut state, mut action) = (Vec::new(), Vec::new());
+        for u in [0.0, 0.5, 1.0] {
+            for x in [-1.0, 0.0, 1.0] {
+                state.push(x);
+                action.push(u);
+            }
+        }
+        let stride = |x: f64, u: f64, next: f64| crate::run::StrideRow {
+            what: String::new(),
+            iteration: 1,
+            role: "training".into(),
+            episode: 0,
+            k: 0,
+            time_s: 0.0,
+            stance: String::new(),
+            state: vec![x],
+            action: vec![u],
+            next_state: vec![next],
+            reward: 0.0,
+            end: crate::run::StrideEnd::Crossing,
+        };
+        let data = MapFigure {
+            iteration: 1,
+            columns: crate::run::Columns {
+                state: vec!["psi_roll_deg".into()],
+                action: vec!["ankle_roll_amplitude_deg".into()],
+            },
+            grid: super::super::map::MapGrid {
+                state_axis: vec![0; 9],
+                action_axis: vec![0; 9],
+                mean: vec![action.iter().map(|u| 1.0 - u).collect()],
+                latent_std: vec![vec![0.1; 9]],
+                noise_std: vec![vec![0.3; 9]],
+                state: vec![state],
+                action: vec![action],
+            },
+            strides: vec![stride(0.0, 0.5, 0.9), stride(1.0, 1.0, -0.4)],
+        };
+        let figure = fig13(&data).unwrap();
+        assert_eq!(figure.csv.lines().count(), 1 + 9 + 2);
+        assert!(figure.csv.contains("\nstride,0,0.5,0.9,,\n"));
+        assert_eq!(
+            figure.svg.matches("fill-opacity=\"0.86\"").count(),
+            4,
+            "cells"
+        );
+        // One of either, and the legend's.
+        assert_eq!(figure.svg.matches("class=\"f1 sbg\"").count(), 2);
+        assert_eq!(figure.svg.matches("class=\"bg s1\"").count(), 2);
+        assert_eq!(figure.hover[0].text, "from 0.00 with 0.50: 0.90 (map 0.50)");
+        let empty = MapFigure {
+            grid: Default::default(),
+            ..data
+        };
+        assert!(fig13(&empty).is_err());
+    }
 }
