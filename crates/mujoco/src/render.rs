@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use mujoco_rs::prelude::{MjData, MjModel, MjvCamera};
-use mujoco_rs::renderer::MjRenderer;
+use mujoco_rs::renderer::{MjRenderer, png};
 use stridemap_robot::{Pose, ShapeKind};
 
 use crate::error::MujocoError;
@@ -141,6 +141,7 @@ pub fn render(
         .width(size_px[0])
         .height(size_px[1])
         .camera(MjvCamera::new_fixed(0))
+        .png_compression(png::Compression::High)
         .build(&model)
         .map_err(|error| failed(&error))?;
     renderer

@@ -8,7 +8,7 @@ use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::{FinishedRun, NoWatcher, Summary, files};
 use stridemap_report::run::Run;
 
-use crate::args::Common;
+use crate::args::{Common, RobotName};
 use crate::commands::learn::{go_on, start};
 use crate::failure::Failure;
 use crate::output;
@@ -44,11 +44,24 @@ impl<'a> Runs<'a> {
 
     /// The command that makes a task's runs.
     pub fn command(&self, task: &str) -> String {
-        format!("learn {task} --seeds {}", self.seeds)
+        let mut words = format!("learn {task} --seeds {}", self.seeds);
+        if self.common.seed != 1 {
+            words += &format!(" --seed {}", self.common.seed);
+        }
+        for set in &self.common.sets {
+            words += &format!(" --set {set}");
+        }
+        words
     }
 
     /// Runs of tasks, in their order. Those that are there are taken, those that were cut off go on.
     pub fn of(&self, tasks: &[&str]) -> Result<Vec<RunsOfTask>, Failure> {
+        if self.common.robot == Some(RobotName::Ros2) {
+            return Err(Failure::request(
+                "reproduce simulates its robots: leave out --robot ros2, and draw a run on a robot with \
+                 `stridemap report`",
+            ));
+        }
         let loaded = tasks
             .iter()
             .map(|name| builtin::load(name, &self.common.sets))

@@ -181,7 +181,7 @@ pub fn walking(
                     &first,
                     "exploration",
                     "Exploring (small-walking)",
-                    "the first strides of those from which it learns; targets of A_walk drawn from 0 to 6 deg",
+                    "the first strides of those from which it learns",
                 )?,
             ],
         },
