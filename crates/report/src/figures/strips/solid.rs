@@ -1,6 +1,7 @@
 //! Strips as shapes in space, for a renderer.
 
-use super::silhouette::{Scene, turn};
+use super::outline::turn;
+use super::silhouette::Scene;
 use super::{Shot, Strip, View};
 use crate::run::{Pose, ShapeKind};
 
