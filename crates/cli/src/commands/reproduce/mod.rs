@@ -15,7 +15,7 @@ use serde::Serialize;
 use stridemap_lab::run::files;
 use stridemap_report::figures::{Shot, TimeLapse, time_lapses};
 
-use crate::args::{Common, FigureName};
+use crate::args::{Common, FigureName, RobotName};
 use crate::commands::learn::median;
 use crate::failure::Failure;
 use crate::output;
@@ -42,6 +42,12 @@ pub fn reproduce(
     };
     if seeds == 0 {
         return Err(Failure::request("--seeds must be at least 1"));
+    }
+    if common.robot == Some(RobotName::Ros2) {
+        return Err(Failure::request(
+            "reproduce simulates its robots: leave out --robot ros2, and draw a run on a robot with \
+             `stridemap report`",
+        ));
     }
     let dir = out.map_or_else(
         || PathBuf::from("runs").join("reproduce"),

@@ -8,7 +8,7 @@ use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::{FinishedRun, NoWatcher, Summary, files};
 use stridemap_report::run::Run;
 
-use crate::args::{Common, RobotName};
+use crate::args::Common;
 use crate::commands::learn::{go_on, start};
 use crate::failure::Failure;
 use crate::output;
@@ -56,12 +56,6 @@ impl<'a> Runs<'a> {
 
     /// Runs of tasks, in their order. Those that are there are taken, those that were cut off go on.
     pub fn of(&self, tasks: &[&str]) -> Result<Vec<RunsOfTask>, Failure> {
-        if self.common.robot == Some(RobotName::Ros2) {
-            return Err(Failure::request(
-                "reproduce simulates its robots: leave out --robot ros2, and draw a run on a robot with \
-                 `stridemap report`",
-            ));
-        }
         let loaded = tasks
             .iter()
             .map(|name| builtin::load(name, &self.common.sets))
