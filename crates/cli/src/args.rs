@@ -121,7 +121,7 @@ impl From<LearnerName> for LearnerKind {
 }
 
 /// A figure of the paper.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum FigureName {
     /// Gaussian-process regression of a sine.
     Fig7,
@@ -131,9 +131,25 @@ pub enum FigureName {
     Fig9,
     /// Return map under pushes.
     Fig10,
+    /// The biped before learning to walk: time lapse.
+    Fig11,
+    /// The biped after learning to walk: time lapse.
+    Fig12,
+    /// The small humanoid's map of stepping, a surface.
+    Fig13,
+    /// Its roll at the section over 40 steps of the acquired policy.
+    Fig14,
+    /// Its acquired stepping: time lapse.
+    Fig15,
+    /// The small humanoid before learning to walk: time lapse.
+    Fig16,
+    /// After the first iteration: time lapse.
+    Fig17,
+    /// After the second iteration: time lapse.
+    Fig18,
     /// Walking: speed and prediction error against the number of samples (sec. 8.1).
     Samples,
-    /// Every figure, and a table: paper beside ours.
+    /// Figs. 7 to 18, and a table: paper beside ours.
     All,
 }
 
@@ -178,8 +194,8 @@ pub enum Command {
         /// linear, bayes-opt or cma-es.
         #[arg(long, conflicts_with = "resume")]
         learner: Option<LearnerName>,
-        /// Collects strides until the map's one-step prediction error at the next section (its largest
-        /// component, relative to the spread of the data) is under this.
+        /// Collects strides, 20 at a time, until the map of those before predicts the newest 20 at the
+        /// next section with an error (its largest component, relative to their spread) under this.
         #[arg(long, value_name = "X", conflicts_with = "resume")]
         until_error: Option<f64>,
         /// Runs this many seeds, SEED, SEED+1, ..., in parallel, and sums them up.
@@ -312,14 +328,19 @@ pub enum Command {
         #[command(flatten)]
         common: Common,
     },
-    /// Draws a figure of the paper from our own runs (SVG, PNG and CSV).
+    /// Draws figures of the paper from our own runs (SVG, PNG and CSV).
+    #[command(
+        after_help = "Runs behind Figs. 11 to 18 are kept in the folder runs of that directory, and taken \
+        from there the next time.\nExample:\n  stridemap reproduce fig11 fig12 --seeds 1"
+    )]
     Reproduce {
-        /// Which one.
-        figure: FigureName,
+        /// Which ones.
+        #[arg(required = true, value_name = "FIGURE")]
+        figures: Vec<FigureName>,
         /// Directory of the figures. Default: runs/reproduce.
         #[arg(long)]
         out: Option<PathBuf>,
-        /// Seeds behind Figs. 8 and 9 and the table.
+        /// Seeds behind Figs. 8 and 9, the table and `samples`. Single runs are drawn of the first.
         #[arg(long, default_value_t = 5)]
         seeds: u64,
         /// Options shared by most commands.

@@ -110,11 +110,11 @@ fn run(command: Command) -> Result<(), Failure> {
             common,
         } => commands::compare::compare(&task, seeds, controls, out.as_deref(), &common),
         Command::Reproduce {
-            figure,
+            figures,
             out,
             seeds,
             common,
-        } => commands::reproduce::reproduce(figure, out.as_deref(), seeds, &common),
+        } => commands::reproduce::reproduce(&figures, out.as_deref(), seeds, &common),
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::View { run, out, no_open } => {
             commands::report::view(&run, out.as_deref(), no_open)

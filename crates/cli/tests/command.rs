@@ -267,3 +267,121 @@ fn init_writes_a_task_file_that_can_be_learned_from() {
     let report = json(&stridemap(dir.path(), &["check", "mine.toml", "--json"]));
     assert_eq!(report["ok"], true);
 }
+
+/// Strips of the small humanoid from a short run.
+fn strips(dir: &Path, more: &[&str]) -> Output {
+    let arguments = [
+        &[
+            "reproduce",
+            "fig16",
+            "fig18",
+            "--seeds",
+            "1",
+            "--out",
+            "figs",
+            "--json",
+        ][..],
+        &[
+            "--set=collect.strides=[6, 4]",
+            "--set=collect.explore.hold=2",
+            "--set=algorithm.iterations=2",
+            "--set=learner.actor_critic.trials=5",
+            "--set=record.walk_s=8",
+        ],
+        more,
+    ]
+    .concat();
+    stridemap(dir, &arguments)
+}
+
+#[test]
+fn strips_are_drawn_from_runs_that_are_kept_and_say_the_recorded_speed() {
+    let dir = tempfile::tempdir().unwrap();
+    let document = json(&strips(dir.path(), &[]));
+    let figs = dir.path().join("figs");
+    let read = |file: &str| std::fs::read_to_string(figs.join(file)).unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&read("runs/small-walking-1/summary.json")).unwrap();
+    let speed = summary["iterations"][1]["speed_m_s"].as_f64().unwrap();
+    let said = format!("{speed:.3} m/s").replace('-', "\u{2212}");
+    let svg = read("fig18.svg");
+    assert!(
+        svg.contains(&format!(
+            "After iteration 2 (small-walking): {said}, learned from 10 strides"
+        )),
+        "{said}"
+    );
+    assert!(document["table"].as_array().unwrap().iter().any(|row| {
+        row["paper"] == "0.045 m/s" && row["ours"] == format!("{speed:.3} m/s (one seed)")
+    }));
+    // One line a piece and a moment, and the way of the torso as recorded.
+    let lapse: serde_json::Value =
+        serde_json::from_str(&read("runs/small-walking-1/lapse/iteration-2.json")).unwrap();
+    let pieces = lapse["shapes"].as_array().unwrap().len();
+    let csv = read("fig18.csv");
+    assert_eq!((csv.lines().count() - 1) % pieces, 0);
+    assert!(
+        csv.lines().nth(1).unwrap().contains(",0,0,0,"),
+        "starts at the start"
+    );
+    assert!(figs.join("fig16.png").exists());
+    assert!(!figs.join("fig17.svg").exists(), "only what was asked for");
+
+    // Again: the run is taken, the bytes are the same. With other settings it is refused.
+    let again = strips(dir.path(), &[]);
+    assert!(
+        stderr(&again).contains("taken as it is"),
+        "{}",
+        stderr(&again)
+    );
+    assert_eq!(read("fig18.svg"), svg);
+    let other = strips(dir.path(), &["--set=record.walk_s=9"]);
+    assert_eq!(other.status.code(), Some(2));
+    assert!(
+        stderr(&other).contains("other settings"),
+        "{}",
+        stderr(&other)
+    );
+}
+
+#[test]
+fn the_small_humanoids_figures_say_what_the_run_recorded() {
+    let dir = tempfile::tempdir().unwrap();
+    let document = json(&stridemap(
+        dir.path(),
+        &[
+            "reproduce",
+            "fig13",
+            "fig14",
+            "fig15",
+            "--seeds=1",
+            "--out=figs",
+            "--json",
+            "--set=collect.strides=[8]",
+            "--set=algorithm.iterations=1",
+            "--set=learner.actor_critic.trials=40",
+        ],
+    ));
+    let figs = dir.path().join("figs");
+    let read = |file: &str| std::fs::read_to_string(figs.join(file)).unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&read("runs/small-stepping-1/summary.json")).unwrap();
+    let mean = summary["iterations"][0]["mean_psi_roll_deg"]
+        .as_f64()
+        .unwrap();
+    let said = format!("{mean:.2} deg (paper").replace('-', "\u{2212}");
+    let caption = read("fig14.svg");
+    assert!(caption.contains("Mean over steps 11 to 40: "), "{caption}");
+    assert!(caption.contains(&said), "{said}");
+    assert_eq!(document["table"][0]["paper"], "0.12 deg");
+    assert_eq!(read("fig14.csv").lines().count(), 41);
+    // The strides behind the map, as they are in the log.
+    let log = read("runs/small-stepping-1/transitions.csv");
+    let reached = log.lines().filter(|l| l.contains(",crossing,")).count();
+    let drawn = read("fig13.csv");
+    assert_eq!(
+        drawn.lines().filter(|l| l.starts_with("stride,")).count(),
+        reached
+    );
+    assert!(read("fig15.svg").contains("Seen from ahead"));
+}

@@ -9,7 +9,6 @@
 //! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -20,7 +19,7 @@ use stridemap_returnmap::{
 
 use crate::error::LabError;
 use crate::plant::{InPlace, Plant, PlantCounters};
-use crate::poses::{PoseRecorder, Recording};
+use crate::poses::{Filming, Pace, Recording};
 use crate::proof::Proof;
 use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
@@ -30,8 +29,8 @@ use crate::strides::{
 use crate::task::Task;
 use crate::walk::{Walk, Walker};
 
-/// Time between recorded poses: smooth to the eye, small on disk.
-const FRAME_PERIOD_S: f64 = 0.02;
+/// Robot time from a fresh start up to which a time lapse is recorded.
+const LAPSE_S: f64 = 60.0;
 
 /// Wall-clock seconds spent, by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -167,12 +166,13 @@ pub trait Recorder {
     /// As [`Self::stride`].
     fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError>;
 
-    /// A measured policy's motion was recorded, to be looked at.
+    /// Motion was recorded, to be looked at: of a measured policy, or of the first exploration
+    /// (`what` is `"exploration"`).
     ///
     /// # Errors
     ///
     /// As [`Self::stride`].
-    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError>;
+    fn poses(&mut self, what: &str, pace: Pace, recording: &Recording) -> Result<(), LabError>;
 
     /// A phase is complete: what was recorded up to here is final.
     ///
@@ -199,7 +199,7 @@ impl Recorder for NoRecorder {
     fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
         Ok(())
     }
-    fn poses(&mut self, _: &str, _: &Recording) -> Result<(), LabError> {
+    fn poses(&mut self, _: &str, _: Pace, _: &Recording) -> Result<(), LabError> {
         Ok(())
     }
     fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
@@ -412,12 +412,14 @@ impl<'a> Algorithm<'a> {
             },
         };
         let policy = self.progress.best_policy().cloned();
-        let (transitions, mut counted) = match (policy, self.task.collect.until_error) {
-            (None, Some(error)) if batch.strides > 0 => {
-                self.collect_until(error, batch, recorder)?
-            }
-            (policy, _) => self.collect_batch(policy.as_ref(), batch, 0, recorder)?,
+        let filming = self.film(index == 0 && batch.strides > 0, false);
+        let collected = match (policy, self.task.collect.until_error) {
+            (None, Some(error)) if batch.strides > 0 => self.collect_until(error, batch, recorder),
+            (policy, _) => self.collect_batch(policy.as_ref(), batch, 0, recorder),
         };
+        let takes = filming.end(&mut self.plant);
+        let (transitions, mut counted) = collected?;
+        takes.keep("exploration", &transitions, recorder)?;
         if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
             // Nothing was explored, but thresholds need to know how the robot steps in place.
             let before = self.plant.counters();
@@ -589,6 +591,20 @@ impl<'a> Algorithm<'a> {
         recorder.checkpoint(Phase::Evaluate, &self.progress)
     }
 
+    /// Has the next batch recorded, where the task wants pictures: a time lapse, and a film.
+    fn film(&mut self, lapse: bool, film: bool) -> Filming {
+        let seconds = self.task.record.pose_seconds;
+        let ramps = self.task.gait.ramp_s;
+        let begin_s = ramps.roll[1].max(ramps.pitch[1]);
+        let takes = [
+            (film, Pace::Film, [begin_s, begin_s + seconds]),
+            (lapse, Pace::Lapse, [0.0, LAPSE_S]),
+        ];
+        let wanted = takes.iter().filter(|take| take.0 && seconds > 0.0);
+        let wanted: Vec<_> = wanted.map(|&(_, pace, span)| (pace, span)).collect();
+        Filming::begin(&mut self.plant, &wanted)
+    }
+
     /// Measures a policy to report: deterministic, from a fresh start.
     fn measure(
         &mut self,
@@ -605,15 +621,9 @@ impl<'a> Algorithm<'a> {
             role: StrideRole::Record,
             strides: strides + discard,
         };
-        let recording = self.task.record.pose_seconds > 0.0 && !what.starts_with("iteration");
-        let recording = recording.then(|| {
-            let begin_s = self.task.gait.ramp_s.roll[1].max(self.task.gait.ramp_s.pitch[1]);
-            let end_s = begin_s + self.task.record.pose_seconds;
-            let (observer, recording) =
-                PoseRecorder::new(self.plant.robot(), FRAME_PERIOD_S, begin_s, end_s);
-            self.plant.observe(Some(Box::new(observer)));
-            recording
-        });
+        // A film of the first policy learned as well: the paper shows it stepping.
+        let film = !what.starts_with("iteration") || what == "iteration-1";
+        let filming = self.film(true, film);
         let result = match self.task.record.walk_s {
             Some(seconds) => {
                 self.walk_on_robot(policy, batch, (what, seconds), stream_index, recorder)
@@ -628,11 +638,9 @@ impl<'a> Algorithm<'a> {
                 )
                 .map(|(transitions, _)| transitions),
         };
-        self.plant.observe(None);
+        let takes = filming.end(&mut self.plant);
         let transitions = result?;
-        if let Some(recording) = recording.and_then(|r| Arc::into_inner(r)?.into_inner().ok()) {
-            recorder.poses(what, &recording)?;
-        }
+        takes.keep(what, &transitions, recorder)?;
         self.progress.record_strides += transitions.len();
         let walk_s = self.task.record.walk_s;
         Ok(Performance {

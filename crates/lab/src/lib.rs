@@ -68,13 +68,13 @@ pub use plant::{
     FailureConfig, InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver,
     TickObserver,
 };
-pub use poses::{PoseRecorder, Recording};
+pub use poses::{Pace, PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::Provenance;
 pub use push::{PushConfig, PushOutcome, PushPair, push};
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
 pub use robots::RobotChoice;
-pub use samples::one_step_error;
+pub use samples::{one_step_error, unseen_error};
 pub use steering::{Steered, can_steer, steer};
 pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,

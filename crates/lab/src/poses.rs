@@ -6,7 +6,10 @@ use serde::{Deserialize, Serialize};
 use stridemap_robot::{Pose, Robot, RobotState, Shape};
 use stridemap_section::Crossing;
 
-use crate::plant::TickObserver;
+use crate::algorithm::Recorder;
+use crate::error::LabError;
+use crate::plant::{Plant, TickObserver};
+use crate::strides::Transition;
 
 /// One picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,6 +39,98 @@ pub struct Recording {
     pub period_s: f64,
     /// The frames.
     pub frames: Vec<Frame>,
+}
+
+impl Recording {
+    /// Leaves out what came before the first stride of a batch: the gait's start and its warm-up.
+    pub(crate) fn begin_with(&mut self, strides: &[Transition]) {
+        if let Some(first) = strides.first() {
+            let begin_s = first.time_s - first.measures.duration_s;
+            self.frames.retain(|f| f.time_s >= begin_s - 1e-6);
+        }
+    }
+}
+
+/// What motion is recorded for, which decides how often a picture is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// To be played: smooth to the eye, some seconds.
+    Film,
+    /// To be set side by side in a time lapse: a picture now and then, for a minute.
+    Lapse,
+}
+
+impl Pace {
+    /// Its folder in a run directory.
+    #[must_use]
+    pub const fn folder(self) -> &'static str {
+        match self {
+            Self::Film => "poses",
+            Self::Lapse => "lapse",
+        }
+    }
+
+    /// Time between pictures.
+    pub(crate) const fn period_s(self) -> f64 {
+        match self {
+            Self::Film => 0.02,
+            Self::Lapse => 0.5,
+        }
+    }
+}
+
+/// Recordings of one batch that grow while the plant walks.
+#[derive(Default)]
+pub(crate) struct Filming {
+    growing: Vec<(Pace, Arc<Mutex<Recording>>)>,
+}
+
+impl Filming {
+    /// Has `plant` recorded at these paces, each from and to its robot time.
+    pub(crate) fn begin(plant: &mut Plant, takes: &[(Pace, [f64; 2])]) -> Self {
+        let (mut observers, mut growing) = (Vec::new(), Vec::new());
+        for &(pace, [begin_s, end_s]) in takes {
+            let (observer, recording) =
+                PoseRecorder::new(plant.robot(), pace.period_s(), begin_s, end_s);
+            observers.push(observer);
+            growing.push((pace, recording));
+        }
+        if !observers.is_empty() {
+            plant.observe(Some(Box::new(observers)));
+        }
+        Self { growing }
+    }
+
+    /// Ends recording.
+    pub(crate) fn end(self, plant: &mut Plant) -> Takes {
+        plant.observe(None);
+        let taken = self.growing.into_iter().filter_map(|(pace, growing)| {
+            let recording = Arc::into_inner(growing)?.into_inner().ok()?;
+            Some((pace, recording))
+        });
+        Takes(taken.collect())
+    }
+}
+
+/// What was recorded of one batch.
+pub(crate) struct Takes(Vec<(Pace, Recording)>);
+
+impl Takes {
+    /// Hands them out. A time lapse begins with the first of `strides`.
+    pub(crate) fn keep(
+        self,
+        what: &str,
+        strides: &[Transition],
+        recorder: &mut dyn Recorder,
+    ) -> Result<(), LabError> {
+        for (pace, mut recording) in self.0 {
+            if pace == Pace::Lapse {
+                recording.begin_with(strides);
+            }
+            recorder.poses(what, pace, &recording)?;
+        }
+        Ok(())
+    }
 }
 
 /// Records poses while a plant walks, from `begin_s` to `end_s` of robot time.
@@ -78,6 +173,20 @@ impl PoseRecorder {
 /// Six digits are a micrometre, and keep files small.
 fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
+}
+
+impl TickObserver for Vec<PoseRecorder> {
+    fn tick(
+        &mut self,
+        robot: &dyn Robot,
+        state: &RobotState,
+        crossing: Option<&Crossing>,
+        push_n: Option<[f64; 3]>,
+    ) {
+        for recorder in self {
+            recorder.tick(robot, state, crossing, push_n);
+        }
+    }
 }
 
 impl TickObserver for PoseRecorder {

@@ -64,9 +64,9 @@ pub struct CollectConfig {
     /// Standard deviation of normal noise, per component of the action, added to what the policy
     /// draws from the second iteration on.
     pub later_noise_std: Vec<f64>,
-    /// The first batch goes on, 20 strides at a time, until the map's one-step prediction error at the
-    /// next section is under this: the largest over the components of the state, leave one out, root
-    /// mean square over the spread of the data \[MA09, sec. 8.1\]. Left out: one batch.
+    /// The first batch goes on, 20 strides at a time, until the map of the strides before predicts the
+    /// newest 20 with a one-step error under this: root mean square over their spread, the largest over
+    /// the components of the state \[MA09, sec. 8.1\]. Left out: one batch.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until_error: Option<f64>,
     /// How the first batch explores.

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
 use stridemap_lab::{
-    Algorithm, LabError, Phase, Progress, Provenance, Recorder, Recording, Transition,
+    Algorithm, LabError, Pace, Phase, Progress, Provenance, Recorder, Recording, Transition,
 };
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_returnmap::LearnedMap;
@@ -56,8 +56,8 @@ impl Recorder for Cut<'_> {
     fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError> {
         self.inner.policy(iteration, policy)
     }
-    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError> {
-        self.inner.poses(what, recording)
+    fn poses(&mut self, what: &str, pace: Pace, recording: &Recording) -> Result<(), LabError> {
+        self.inner.poses(what, pace, recording)
     }
     fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError> {
         self.inner.checkpoint(phase, progress)
@@ -233,4 +233,49 @@ fn a_damaged_checkpoint_is_named_and_nothing_is_lost() {
         std::fs::read_to_string(run.join("transitions.csv")).unwrap(),
         transitions
     );
+}
+
+/// Time lapses of everything that a before and after is drawn from, each from the first stride on.
+#[test]
+fn a_run_has_time_lapses_of_exploration_and_of_every_policy() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run");
+    let loaded = short();
+    learn(&run, &loaded, 6);
+    let table = std::fs::read_to_string(run.join("record.csv")).unwrap();
+    let mut lines = table.lines().map(|l| l.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let column = |name: &str| header.iter().position(|h| *h == name).unwrap();
+    let rows: Vec<_> = lines.collect();
+    for what in [
+        "nominal",
+        "exploration",
+        "iteration-1",
+        "iteration-2",
+        "final",
+    ] {
+        let path = run.join(format!("lapse/{what}.json"));
+        let recording: Recording =
+            serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        assert!((recording.period_s - 0.5).abs() < 1e-12);
+        let first_s = recording.frames[0].time_s;
+        for (i, frame) in recording.frames.iter().enumerate() {
+            // Ticks of 2 ms stand on the half seconds.
+            assert!(
+                (frame.time_s - first_s - 0.5 * i as f64).abs() < 2e-3,
+                "{what}"
+            );
+        }
+        // Half a second at most after the section where the first stride begins.
+        if let Some(row) = rows.iter().find(|r| r[column("what")] == what) {
+            let number = |name: &str| row[column(name)].parse::<f64>().unwrap();
+            let begin_s = number("time_s") - number("stride_duration_s");
+            assert!(
+                (-1e-3..0.51).contains(&(first_s - begin_s)),
+                "{what}: {first_s} after {begin_s}"
+            );
+        }
+    }
+    assert!(run.join("poses/iteration-1.json").exists());
+    assert!(!run.join("poses/iteration-2.json").exists());
 }

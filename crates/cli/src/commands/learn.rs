@@ -54,7 +54,7 @@ pub fn learn(
 }
 
 /// Runs one seed from the start to the end.
-fn start(
+pub fn start(
     name: &str,
     loaded: &builtin::LoadedTask,
     path: &Path,
@@ -123,24 +123,38 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
             "--resume goes on with the run's own task; leave out --set",
         ));
     }
+    let run = FinishedRun::open(path, &[])?;
+    let watcher = Box::new(RunProgress::new(&run.task));
+    let summary = go_on(&run, common, &stop_flag(), watcher)?;
+    super::report::draw(path)?;
+    show(&run.task, &summary, path, common.json)
+}
+
+/// Runs what is missing of a run.
+pub fn go_on(
+    run: &FinishedRun,
+    common: &Common,
+    stop: &Arc<AtomicBool>,
+    watcher: Box<dyn Watcher>,
+) -> Result<Summary, Failure> {
     let FinishedRun {
-        task, provenance, ..
-    } = FinishedRun::open(path, &[])?;
-    let watcher = Box::new(RunProgress::new(&task));
+        path,
+        task,
+        provenance,
+        ..
+    } = run;
     let (mut directory, progress) =
-        RunDirectory::resume(path, &task, provenance.seed, stop_flag(), watcher)?;
+        RunDirectory::resume(path, task, provenance.seed, Arc::clone(stop), watcher)?;
     let answers = Answers::default();
     let mut algorithm = algorithm(
-        &task,
+        task,
         provenance.seed,
         progress,
         common,
         &answers,
         Some(path),
     )?;
-    let summary = finish(&mut algorithm, &mut directory, &answers)?;
-    super::report::draw(path)?;
-    show(&task, &summary, path, common.json)
+    finish(&mut algorithm, &mut directory, &answers)
 }
 
 /// Shows what a run achieved.

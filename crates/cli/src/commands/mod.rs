@@ -8,7 +8,6 @@ pub mod learners;
 pub mod report;
 pub mod reproduce;
 pub mod robot;
-pub mod samples;
 pub mod task;
 pub mod verbs;
 

@@ -10,7 +10,7 @@ use stridemap_returnmap::LearnedMap;
 
 use crate::algorithm::{Iteration, Phase, Progress, Recorder, Seconds};
 use crate::error::LabError;
-use crate::poses::Recording;
+use crate::poses::{Pace, Recording};
 use crate::provenance::Provenance;
 use crate::run::files::{Log, create_dir, read_json, read_text, write_json, write_whole};
 use crate::run::grid;
@@ -112,7 +112,7 @@ impl RunDirectory {
                     .into(),
             });
         }
-        for sub in ["map", "policy", "figures/data", "poses"] {
+        for sub in ["map", "policy", "figures/data", "poses", "lapse"] {
             create_dir(&path.join(sub))?;
         }
         write_json(&path.join("provenance.json"), provenance)?;
@@ -276,8 +276,10 @@ impl Recorder for RunDirectory {
         )
     }
 
-    fn poses(&mut self, what: &str, recording: &Recording) -> Result<(), LabError> {
-        let path = self.path.join(format!("poses/{what}.json"));
+    fn poses(&mut self, what: &str, pace: Pace, recording: &Recording) -> Result<(), LabError> {
+        let folder = self.path.join(pace.folder());
+        create_dir(&folder)?; // A run of an earlier version may lack it.
+        let path = folder.join(format!("{what}.json"));
         let text = serde_json::to_string(recording).map_err(|error| LabError::Content {
             path: path.clone(),
             line: None,

@@ -64,7 +64,7 @@ pub(crate) enum Anchor {
 }
 
 impl Anchor {
-    fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Anchor::Start => "start",
             Anchor::Middle => "middle",

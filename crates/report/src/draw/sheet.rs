@@ -67,6 +67,29 @@ impl Sheet {
         out
     }
 
+    /// Left edge of a drawing without axes, px.
+    pub(crate) const LEFT: f64 = MARGIN;
+    /// Width of a drawing without axes, px.
+    pub(crate) const FREE_WIDTH: f64 = WIDTH - 2.0 * MARGIN;
+
+    /// A stretch of the sheet for a drawing without axes: its left edge and its top.
+    pub(crate) fn free(&mut self, height: f64) -> [f64; 2] {
+        let top = self.bottom + 4.0;
+        self.bottom = top + height;
+        [Self::LEFT, top]
+    }
+
+    /// Puts a drawing without axes on the sheet.
+    pub(crate) fn draw(&mut self, svg: &str, hover: Vec<HoverPoint>) {
+        self.body.push_str(svg);
+        self.hover.extend(hover);
+    }
+
+    /// An entry of the legend.
+    pub(crate) fn key(&mut self, label: &str, key: Key) {
+        self.keys.push((label.to_owned(), key));
+    }
+
     /// One panel over the whole width.
     pub(crate) fn single(&mut self, height: f64, x: Axis, y: Axis) -> Panel {
         let clip = format!("{}-clip{}", self.stem, self.clips);

@@ -18,6 +18,10 @@ const PALETTE: &[(&str, &str, &str)] = &[
     ("c4", "#e69f00", "#f0b73d"),
     ("c5", "#3a9bd9", "#a6d8f5"),
     ("c6", "#111417", "#f4f6f8"),
+    ("near", "#1d4468", "#d9e9f7"),
+    ("trunk", "#5c86a8", "#8fb2cf"),
+    ("far", "#a9c0d3", "#4f6b84"),
+    ("floor", "#f1f4f7", "#1b222a"),
 ];
 
 /// How many series colours there are.
@@ -31,12 +35,17 @@ const RULES: &[(&str, &str, &str)] = &[
     (".grid", "stroke", "grid"),
     (".axis", "stroke", "axis"),
     (".ref", "stroke", "mut"),
+    (".near", "fill", "near"),
+    (".trunk", "fill", "trunk"),
+    (".far", "fill", "far"),
+    (".floor", "fill", "floor"),
+    (".shade", "fill", "axis"),
 ];
 
 /// Rules that hold in either theme.
 const FIXED: &str = "text{font-family:Inter,\"DejaVu Sans\",system-ui,sans-serif}\
 .ttl,.pnl{font-weight:600}.l{fill:none;stroke-linejoin:round;stroke-linecap:butt}\
-.grid,.axis,.ref{fill:none}.cw{stroke:white}";
+.grid,.axis,.ref{fill:none}.cw{stroke:white}.shade{fill-opacity:.3}";
 
 fn colored(prefix: &str, color: impl Fn(usize) -> String) -> String {
     let index = |name: &str| PALETTE.iter().position(|p| p.0 == name).unwrap_or(1);

@@ -45,14 +45,14 @@ pub struct MapFigure {
 }
 
 /// A plane of the grid: distinct states and actions, and for each the row of the table.
-struct Plane {
-    x: Vec<f64>,
-    u: Vec<f64>,
+pub(super) struct Plane {
+    pub(super) x: Vec<f64>,
+    pub(super) u: Vec<f64>,
     /// `rows[action * x.len() + state]`.
-    rows: Vec<usize>,
+    pub(super) rows: Vec<usize>,
 }
 
-fn plane(grid: &MapGrid, state: usize, action: usize) -> Option<Plane> {
+pub(super) fn plane(grid: &MapGrid, state: usize, action: usize) -> Option<Plane> {
     let (xs, us) = (grid.state.get(state)?, grid.action.get(action)?);
     let rows: Vec<usize> = (0..xs.len())
         .filter(|i| grid.state_axis[*i] == state && grid.action_axis[*i] == action)
@@ -72,7 +72,7 @@ fn plane(grid: &MapGrid, state: usize, action: usize) -> Option<Plane> {
     Some(Plane { x, u, rows: sorted })
 }
 
-fn check_map(stem: &str, data: &MapFigure) -> Result<()> {
+pub(super) fn check_map(stem: &str, data: &MapFigure) -> Result<()> {
     let n = data.grid.state_axis.len();
     some(stem, "no row of the map", n)?;
     let g = &data.grid;

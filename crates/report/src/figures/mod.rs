@@ -7,6 +7,10 @@ mod paper;
 mod policy;
 mod progress;
 mod return_map;
+mod samples;
+mod stepping;
+mod strips;
+mod surface;
 mod table;
 mod trust;
 
@@ -19,6 +23,10 @@ pub use progress::{
 pub use return_map::{
     Fig10, ReturnMap, ReturnPair, UndisturbedReturnMaps, fig10, undisturbed_return_maps,
 };
+pub use samples::{SamplesPoint, samples};
+pub use stepping::{Fig14, fig14};
+pub use strips::{Shot, Solid, Strip, TimeLapse, View, solids, time_lapses};
+pub use surface::fig13;
 pub use table::{ComparisonRow, ComparisonTable};
 pub use trust::{SuccessRate, predicted_actual, standardized_residuals, success_against_strides};
 

@@ -28,7 +28,7 @@ pub(crate) fn quantity(name: &str) -> (String, &'static str) {
         "psi_pitch_rate" => "dψ_{pitch}/dt".to_owned(),
         "step_amplitude" => "A_{step}".to_owned(),
         "walk_amplitude" => "A_{walk}".to_owned(),
-        "ankle_step_amplitude" => "A_{a,step}".to_owned(),
+        "ankle_step_amplitude" | "ankle_roll_amplitude" => "A_{a,step}".to_owned(),
         other => other.replace('_', " "),
     };
     (printed, unit)

@@ -47,6 +47,8 @@ pub struct Run {
     pub grids: Vec<(u32, MapGrid)>,
     /// `poses/<what>.json`, nominal first, final last.
     pub recordings: Vec<(String, Recording)>,
+    /// `lapse/<what>.json`: a picture now and then for a minute, nominal first, final last.
+    pub lapses: Vec<(String, Recording)>,
     /// `push.csv` with `push.json`: the learned policy under pushes.
     pub push: Option<(Vec<ReturnPair>, PushSummary)>,
     /// `push-nominal.csv` with `push-nominal.json`: the nominal gait under the same pushes.
@@ -92,7 +94,11 @@ impl Run {
             .unwrap_or_default();
         run.learning = run.csv("learning.csv", learning).unwrap_or_default();
         run.read_iterations(&columns);
-        run.read_poses();
+        run.recordings = run.read_poses("poses");
+        if run.recordings.is_empty() {
+            run.missing.push("poses/".to_owned());
+        }
+        run.lapses = run.read_poses("lapse"); // Runs of earlier versions have none.
         if run.dir.join("push.csv").exists() {
             run.push = run.read_push("push");
         }
@@ -113,6 +119,29 @@ impl Run {
                 .starts_with("psi_roll")
                 .then(|| r.get("target_deg").and_then(number))?
         })
+    }
+
+    /// How many first strides of a measured policy are not averaged, if the task says so.
+    #[must_use]
+    pub fn record_discard(&self) -> Option<usize> {
+        let table: toml::Table = self.config.as_deref()?.parse().ok()?;
+        let discard = table.get("record")?.get("discard")?.as_integer()?;
+        usize::try_from(discard).ok()
+    }
+
+    /// The speed of a measured policy as the run recorded it: of `nominal`, `iteration-1`, ..., `final`.
+    #[must_use]
+    pub fn speed_m_s(&self, what: &str) -> Option<f64> {
+        let summary = self.summary.as_ref()?;
+        match what {
+            "nominal" => summary.nominal?.speed_m_s,
+            "final" => summary.final_policy?.speed_m_s,
+            other => {
+                let number: u32 = other.strip_prefix("iteration-")?.parse().ok()?;
+                let iterations = &summary.iterations;
+                iterations.iter().find(|i| i.iteration == number)?.speed_m_s
+            }
+        }
     }
 
     /// Whether the run reached its end.
@@ -208,8 +237,8 @@ impl Run {
         }
     }
 
-    fn read_poses(&mut self) {
-        let mut names: Vec<String> = fs::read_dir(self.dir.join("poses"))
+    fn read_poses(&mut self, folder: &str) -> Vec<(String, Recording)> {
+        let mut names: Vec<String> = fs::read_dir(self.dir.join(folder))
             .into_iter()
             .flatten()
             .flatten()
@@ -232,18 +261,18 @@ impl Run {
             ),
         };
         names.sort_by(|a, b| rank(a).cmp(&rank(b)).then_with(|| a.cmp(b)));
+        let mut recordings = Vec::new();
         for name in names {
-            let Some(recording) = self.json::<Recording>(&format!("poses/{name}.json")) else {
+            let file = format!("{folder}/{name}.json");
+            let Some(recording) = self.json::<Recording>(&file) else {
                 continue;
             };
             match broken(&recording) {
-                Some(problem) => self.problems.push(format!("poses/{name}.json: {problem}")),
-                None => self.recordings.push((name, recording)),
+                Some(problem) => self.problems.push(format!("{file}: {problem}")),
+                None => recordings.push((name, recording)),
             }
         }
-        if self.recordings.is_empty() {
-            self.missing.push("poses/".to_owned());
-        }
+        recordings
     }
 
     fn read_push(&mut self, stem: &str) -> Option<(Vec<ReturnPair>, PushSummary)> {

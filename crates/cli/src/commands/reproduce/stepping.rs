@@ -1,21 +1,20 @@
-//! `reproduce`: the paper's figures from our own runs.
+//! Figs. 7 to 10: the sine, learning in the map against learning on the robot, return maps under pushes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::Serialize;
 use stridemap_gp::{Gp, Hyperparameters, Kernel, Mean, Points};
-use stridemap_lab::run::files;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{Algorithm, LabError, Performance, PushConfig, PushOutcome, builtin, push};
 use stridemap_learn::SavedPolicy;
 use stridemap_report::figures::{Fig7, Fig10, ReturnMap, ReturnPair, fig7, fig8, fig9, fig10};
 
-use super::compare::{Comparison, fig8_data, fig9_data, run_arms};
-use crate::args::{Common, FigureName};
+use super::{Row, row};
+use crate::args::Common;
+use crate::commands::compare::{Comparison, fig8_data, fig9_data, run_arms};
+use crate::commands::learn::median;
 use crate::failure::Failure;
-use crate::output;
 use crate::parallel;
 use crate::progress::SeedProgress;
 
@@ -26,57 +25,34 @@ const PUSHES: PushConfig = PushConfig {
     strides: 160,
 };
 
-/// Draws one figure, or all and the table.
-pub fn reproduce(
-    figure: FigureName,
-    out: Option<&Path>,
+/// Draws Fig. 7.
+pub fn sine(dir: &Path, seed: u64) -> Result<(), Failure> {
+    Ok(fig7(&fig7_data(seed)?)?.write(dir)?)
+}
+
+/// Draws Fig. 8 or 9 or both, and returns the rows of the table.
+pub fn learning(
+    dir: &Path,
+    curves: bool,
+    policies: bool,
     seeds: u64,
     common: &Common,
-) -> Result<(), Failure> {
-    let dir = out.map_or_else(
-        || PathBuf::from("runs").join("reproduce"),
-        Path::to_path_buf,
-    );
-    if figure == FigureName::Samples {
-        return super::samples::samples(&dir, seeds, common);
+) -> Result<Vec<Row>, Failure> {
+    let (comparison, arms) = run_arms("stepping-paper", seeds, common)?;
+    if curves {
+        fig8(&fig8_data(&comparison))?.write(dir)?;
     }
-    files::create_dir(&dir)?;
-    let mut rows = Vec::new();
-    let wanted = |name| figure == name || figure == FigureName::All;
-    if wanted(FigureName::Fig7) {
-        output::note("fig7: Gaussian-process regression of a sine");
-        fig7(&fig7_data(common.seed)?)?.write(&dir)?;
+    if policies {
+        fig9(&fig9_data(&arms))?.write(dir)?;
     }
-    if wanted(FigureName::Fig8) || wanted(FigureName::Fig9) {
-        output::note("fig8, fig9: learning in the map against learning on the full model");
-        let (comparison, arms) = run_arms("stepping-paper", seeds, common)?;
-        if wanted(FigureName::Fig8) {
-            fig8(&fig8_data(&comparison))?.write(&dir)?;
-        }
-        if wanted(FigureName::Fig9) {
-            fig9(&fig9_data(&arms))?.write(&dir)?;
-        }
-        rows.extend(rows_of_comparison(&comparison));
-    }
-    if wanted(FigureName::Fig10) {
-        output::note("fig10: return map under pushes, nominal gait and learned policy");
-        let pushed = pushed_policies(seeds, common)?;
-        fig10(&fig10_data(&pushed[0]))?.write(&dir)?;
-        rows.extend(rows_of_pushes(&pushed));
-    }
-    if figure == FigureName::All {
-        let table = markdown(&rows);
-        files::write_whole(&dir.join("table.md"), table.as_bytes())?;
-        files::write_json(&dir.join("table.json"), &rows)?;
-        if !common.json {
-            output::line(table.trim_end());
-        }
-    }
-    if common.json {
-        return output::json(&rows);
-    }
-    output::line(format!("figures (SVG, PNG, CSV) are in {}", dir.display()));
-    Ok(())
+    Ok(rows_of_comparison(&comparison))
+}
+
+/// Draws Fig. 10, and returns the rows of the table.
+pub fn pushes(dir: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Failure> {
+    let pushed = pushed_policies(seeds, common)?;
+    fig10(&fig10_data(&pushed[0]))?.write(dir)?;
+    Ok(rows_of_pushes(&pushed))
 }
 
 /// The paper's simple example \[MA09, sec. 4.1\]: ten samples of a sine with noise of variance 0.01,
@@ -180,7 +156,7 @@ fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> 
 }
 
 /// The pairs of a push experiment as the figure wants them.
-pub fn return_map(name: &str, outcome: &PushOutcome) -> ReturnMap {
+fn return_map(name: &str, outcome: &PushOutcome) -> ReturnMap {
     ReturnMap {
         name: name.into(),
         pairs: outcome
@@ -207,24 +183,6 @@ fn fig10_data(pushed: &Pushed) -> Fig10 {
         target_deg: pushed.target_deg,
         force_n: Some(PUSHES.force_n),
         duration_s: Some(PUSHES.duration_s),
-    }
-}
-
-/// One row of the table: paper beside ours.
-#[derive(Clone, Debug, Serialize)]
-struct Row {
-    what: String,
-    paper: String,
-    ours: String,
-    command: String,
-}
-
-fn row(what: &str, paper: &str, ours: String, command: &str) -> Row {
-    Row {
-        what: what.into(),
-        paper: paper.into(),
-        ours,
-        command: command.into(),
     }
 }
 
@@ -283,7 +241,7 @@ fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
 }
 
 fn rows_of_pushes(pushed: &[Pushed]) -> Vec<Row> {
-    let median = |values: Vec<f64>| super::learn::median(&values);
+    let median = |values: Vec<f64>| median(&values);
     let command = format!("reproduce fig10 --seeds {}", pushed.len());
     let n = pushed.len();
     let slopes =
@@ -337,15 +295,4 @@ fn rows_of_pushes(pushed: &[Pushed]) -> Vec<Row> {
             "learn stepping",
         ),
     ]
-}
-
-fn markdown(rows: &[Row]) -> String {
-    let mut text = String::from("| what | paper | ours | command |\n|---|---|---|---|\n");
-    for r in rows {
-        text += &format!(
-            "| {} | {} | {} | `stridemap {}` |\n",
-            r.what, r.paper, r.ours, r.command
-        );
-    }
-    text
 }

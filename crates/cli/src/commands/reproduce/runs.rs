@@ -1,0 +1,143 @@
+//! Runs behind the figures: kept beside them, and taken from there the next time.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use stridemap_lab::builtin::{self, LoadedTask};
+use stridemap_lab::run::{FinishedRun, NoWatcher, Summary, files};
+use stridemap_report::run::Run;
+
+use crate::args::Common;
+use crate::commands::learn::{go_on, start};
+use crate::failure::Failure;
+use crate::output;
+use crate::parallel;
+use crate::progress::{SeedProgress, stop_flag};
+
+/// Where runs are, of which seeds, and how they are made.
+pub struct Runs<'a> {
+    dir: PathBuf,
+    seeds: u64,
+    common: &'a Common,
+    stop: Arc<AtomicBool>,
+}
+
+/// The runs of one task.
+pub struct RunsOfTask {
+    /// The first seed's, with everything that can be drawn.
+    pub first: Run,
+    /// Every seed's numbers.
+    pub summaries: Vec<Summary>,
+}
+
+impl<'a> Runs<'a> {
+    /// Runs in the folder `runs` of the directory of the figures.
+    pub fn new(dir: &Path, seeds: u64, common: &'a Common) -> Self {
+        Self {
+            dir: dir.join("runs"),
+            seeds,
+            common,
+            stop: stop_flag(),
+        }
+    }
+
+    /// The command that makes a task's runs.
+    pub fn command(&self, task: &str) -> String {
+        let mut words = format!("learn {task} --seeds {}", self.seeds);
+        if self.common.seed != 1 {
+            words += &format!(" --seed {}", self.common.seed);
+        }
+        for set in &self.common.sets {
+            words += &format!(" --set {set}");
+        }
+        words
+    }
+
+    /// Runs of tasks, in their order. Those that are there are taken, those that were cut off go on.
+    pub fn of(&self, tasks: &[&str]) -> Result<Vec<RunsOfTask>, Failure> {
+        let loaded = tasks
+            .iter()
+            .map(|name| builtin::load(name, &self.common.sets))
+            .collect::<Result<Vec<LoadedTask>, _>>()?;
+        let seeds: Vec<u64> = (self.common.seed..self.common.seed + self.seeds).collect();
+        let jobs: Vec<(usize, u64)> = (0..tasks.len())
+            .flat_map(|task| seeds.iter().map(move |seed| (task, *seed)))
+            .collect();
+        let progress = SeedProgress::new(jobs.len());
+        let summaries = parallel::over(&jobs, self.common.threads, |&(task, seed)| {
+            let (summary, how) = self.one(tasks[task], &loaded[task], seed)?;
+            progress.done(&format!("{}, seed {seed}: {how}", tasks[task]));
+            Ok(summary)
+        })?;
+        let mut summaries = summaries
+            .into_iter()
+            .collect::<Result<Vec<Summary>, Failure>>()?
+            .into_iter();
+        tasks
+            .iter()
+            .map(|name| {
+                Ok(RunsOfTask {
+                    first: Run::read(&self.path(name, self.common.seed))?,
+                    summaries: summaries.by_ref().take(seeds.len()).collect(),
+                })
+            })
+            .collect()
+    }
+
+    fn path(&self, task: &str, seed: u64) -> PathBuf {
+        self.dir.join(format!("{task}-{seed}"))
+    }
+
+    /// One run, and how it was come by.
+    fn one(
+        &self,
+        name: &str,
+        loaded: &LoadedTask,
+        seed: u64,
+    ) -> Result<(Summary, &'static str), Failure> {
+        let path = self.path(name, seed);
+        let common = Common {
+            seed,
+            json: false,
+            ..self.common.clone()
+        };
+        let config = path.join("config.toml");
+        if !config.exists() {
+            files::create_dir(&self.dir)?;
+            let summary = start(
+                name,
+                loaded,
+                &path,
+                &common,
+                &self.stop,
+                Box::new(NoWatcher),
+            )?;
+            return Ok((summary, "made"));
+        }
+        let asked = loaded.clone().on(common.robot.map(Into::into), seed)?;
+        let same = files::read_text(&config)? == asked.resolved;
+        let run = FinishedRun::open(&path, &[])?;
+        if !same || run.provenance.seed != seed {
+            return Err(Failure::request(format!(
+                "{}: holds a run of {name} with other settings than those asked for; remove it, or \
+                 choose another directory with --out",
+                path.display()
+            )));
+        }
+        let summary = path.join("summary.json");
+        if run.progress.final_performance.is_some() && summary.exists() {
+            output::note(format!(
+                "{}: taken as it is, begun {} by version {}",
+                path.display(),
+                run.provenance.start,
+                run.provenance.version
+            ));
+            return Ok((files::read_json(&summary)?, "taken"));
+        }
+        Ok((
+            go_on(&run, &common, &self.stop, Box::new(NoWatcher))?,
+            "finished",
+        ))
+    }
+}

@@ -1,0 +1,435 @@
+//! Fig. 13: the map of one stride as a surface in space, with its uncertainty and the data.
+
+use super::map::{MapFigure, check_map, plane};
+use super::names::{label, quantity};
+use crate::draw::{
+    Anchor, Axis, Dash, Key, Mark, Sheet, coord, extent, line_svg, mark_svg, number, plain,
+    ramp_color, signed, spans,
+};
+use crate::error::Result;
+use crate::figure::{Figure, HoverPoint};
+
+/// Size of tick labels, px.
+const TICK: f64 = 11.5;
+/// Size of axis labels, px.
+const LABEL: f64 = 13.0;
+/// Height of the drawing, px.
+const HEIGHT: f64 = 440.0;
+/// By how much the scene is turned about the vertical, and how far the camera looks down.
+const TURN_DEG: f64 = 38.0;
+const DOWN_DEG: f64 = 28.0;
+/// Cells of the surface along either axis, at most.
+const CELLS: usize = 28;
+
+/// An axonometric camera on a box of three axes.
+struct Camera {
+    axes: [Axis; 3],
+    /// Pixels to an edge of the box, across and upward.
+    size: [f64; 2],
+    middle: [f64; 2],
+    /// Whether the second axis runs towards the camera instead of away from it.
+    towards: bool,
+}
+
+impl Camera {
+    /// Pixel of a point, and how far away it is.
+    fn see(&self, p: [f64; 3]) -> ([f64; 2], f64) {
+        let [x, u, z] = [0, 1, 2].map(|i| self.axes[i].fraction(p[i]) - 0.5);
+        let u = if self.towards { -u } else { u };
+        let (st, ct) = TURN_DEG.to_radians().sin_cos();
+        let (sd, cd) = DOWN_DEG.to_radians().sin_cos();
+        let away = u * ct - x * st;
+        let right = self.middle[0] + self.size[0] * (x * ct + u * st);
+        let down = self.middle[1] - self.size[0] * away * sd - self.size[1] * z * cd;
+        ([right, down], away)
+    }
+
+    fn path(&self, points: impl IntoIterator<Item = [f64; 3]>) -> String {
+        let mut d = String::new();
+        for p in points {
+            let [x, y] = self.see(p).0;
+            let pen = if d.is_empty() { 'M' } else { 'L' };
+            d.push_str(&format!("{pen}{} {}", coord(x), coord(y)));
+        }
+        d
+    }
+
+    fn ends(&self, axis: usize) -> [f64; 2] {
+        [self.axes[axis].min, self.axes[axis].max]
+    }
+
+    /// Floor and back walls with their grid, ticks and labels.
+    fn frame(&self) -> String {
+        let [[x0, x1], [mut u0, mut u1], [z0, z1]] = [0, 1, 2].map(|i| self.ends(i));
+        if self.towards {
+            std::mem::swap(&mut u0, &mut u1); // u0 is the near end of the axis.
+        }
+        let mut grid = String::new();
+        for (x, _) in &self.axes[0].ticks {
+            grid.push_str(&self.path([[*x, u0, z0], [*x, u1, z0], [*x, u1, z1]]));
+        }
+        for (u, _) in &self.axes[1].ticks {
+            grid.push_str(&self.path([[x1, *u, z0], [x0, *u, z0], [x0, *u, z1]]));
+        }
+        for (z, _) in &self.axes[2].ticks {
+            grid.push_str(&self.path([[x0, u0, *z], [x0, u1, *z], [x1, u1, *z]]));
+        }
+        let edges = [
+            self.path([[x0, u0, z1], [x0, u0, z0], [x1, u0, z0], [x1, u1, z0]]),
+            self.path([[x0, u0, z0], [x0, u1, z0], [x1, u1, z0]]),
+            self.path([[x0, u1, z0], [x0, u1, z1]]),
+        ]
+        .concat();
+        let mut svg = format!(
+            "<path class=\"floor\" d=\"{}Z\"/><path class=\"grid\" stroke-width=\"1\" d=\"{grid}\"/>\
+             <path class=\"axis\" stroke-width=\"1\" d=\"{edges}\"/>",
+            self.path([[x0, u0, z0], [x1, u0, z0], [x1, u1, z0], [x0, u1, z0]])
+        );
+        let mut note = |at: [f64; 3], by: [f64; 2], anchor: Anchor, size: f64, text: &str| {
+            let [x, y] = self.see(at).0;
+            let class = if size < LABEL { " class=\"mut\"" } else { "" };
+            svg.push_str(&format!(
+                "<text{class} x=\"{}\" y=\"{}\" font-size=\"{size}\" text-anchor=\"{}\">{}</text>",
+                coord(x + by[0]),
+                coord(y + by[1]),
+                anchor.name(),
+                spans(text, size)
+            ));
+        };
+        for (x, text) in &self.axes[0].ticks {
+            note([*x, u0, z0], [-5.0, 15.0], Anchor::End, TICK, text);
+        }
+        for (u, text) in &self.axes[1].ticks {
+            note([x1, *u, z0], [6.0, 15.0], Anchor::Start, TICK, text);
+        }
+        for (z, text) in &self.axes[2].ticks {
+            note([x0, u0, *z], [-8.0, 4.0], Anchor::End, TICK, text);
+        }
+        let half = |[a, b]: [f64; 2]| 0.5 * (a + b);
+        let names = [0, 1, 2].map(|i| self.axes[i].label.clone());
+        note(
+            [half([x0, x1]), u0, z0],
+            [-30.0, 34.0],
+            Anchor::End,
+            LABEL,
+            &names[0],
+        );
+        note(
+            [x1, half([u0, u1]), z0],
+            [34.0, 36.0],
+            Anchor::Start,
+            LABEL,
+            &names[1],
+        );
+        note(
+            [x0, u0, z1],
+            [-8.0, -14.0],
+            Anchor::Middle,
+            LABEL,
+            &names[2],
+        );
+        svg
+    }
+}
+
+/// Draws the map of the first state component as a surface over the first state and action, as in
+/// Fig. 13: height is the mean of the next state, colour the standard deviation of the function, dashed
+/// edges two of them above and below; data with their distance from the surface.
+///
+/// # Errors
+///
+/// [`ReportError`](crate::ReportError) if the grid is empty, not a grid, or holds a value that is not finite.
+pub fn fig13(data: &MapFigure) -> Result<Figure> {
+    let stem = "fig13";
+    check_map(stem, data)?;
+    let g = &data.grid;
+    let Some(plane) = plane(g, 0, 0) else {
+        return Err(crate::ReportError::Empty {
+            figure: stem.to_owned(),
+            what: "no plane of state and action".to_owned(),
+        });
+    };
+    let (nx, nu) = (plane.x.len(), plane.u.len());
+    let at = |column: &[f64], i: usize, j: usize| column[plane.rows[j * nx + i]];
+    let mean = |i: usize, j: usize| at(&g.mean[0], i, j);
+    let std = |i: usize, j: usize| at(&g.latent_std[0], i, j);
+    let thin = |n: usize| -> Vec<usize> {
+        let step = n.saturating_sub(1).div_ceil(CELLS).max(1);
+        let mut picks: Vec<usize> = (0..n).step_by(step).collect();
+        if picks.last() != Some(&(n - 1)) {
+            picks.push(n - 1);
+        }
+        picks
+    };
+    let (xs, us) = (thin(nx), thin(nu));
+    let strides: Vec<[f64; 3]> = data
+        .strides
+        .iter()
+        .filter_map(|s| {
+            Some([
+                *s.state.first()?,
+                *s.action.first()?,
+                *s.next_state.first()?,
+            ])
+        })
+        .collect();
+    let everywhere = || (0..nu).flat_map(|j| (0..nx).map(move |i| (i, j)));
+    let heights = everywhere()
+        .flat_map(|(i, j)| [-2.0, 2.0].map(|k| mean(i, j) + k * std(i, j)))
+        .chain(strides.iter().map(|s| s[2]));
+    let (state, action) = (&data.columns.state[0], &data.columns.action[0]);
+    let mut sheet = Sheet::new(stem, "The approximated map of one stride");
+    let [left, top] = sheet.free(HEIGHT + 20.0);
+    let (z0, z1) = extent(heights);
+    let camera = Camera {
+        axes: [
+            Axis::linear_with(&label(state, "(k)"), plane.x[0], plane.x[nx - 1], 6.0),
+            Axis::linear_with(&label(action, "(k)"), plane.u[0], plane.u[nu - 1], 6.0),
+            Axis::linear_with(&label(state, "(k + 1)"), z0, z1, 6.0),
+        ],
+        size: [372.0, 190.0],
+        middle: [left + 0.5 * Sheet::FREE_WIDTH + 6.0, top + 0.5 * HEIGHT],
+        // The surface shows its face where it rises away from the camera.
+        towards: mean(nx / 2, nu - 1) < mean(nx / 2, 0),
+    };
+    let mut svg = camera.frame();
+
+    // Where the data are, on the floor.
+    let shadows: String = strides
+        .iter()
+        .map(|s| {
+            let [x, y] = camera.see([s[0], s[1], z0]).0;
+            mark_svg("s6", Mark::Dot, x, y, 2.2)
+        })
+        .collect();
+    svg.push_str(&shadows);
+
+    // The surface, the farthest cell first.
+    let (s0, s1) = extent(everywhere().map(|(i, j)| std(i, j)));
+    let mut cells = Vec::new();
+    for j in us.windows(2) {
+        for i in xs.windows(2) {
+            let ring = [(i[0], j[0]), (i[1], j[0]), (i[1], j[1]), (i[0], j[1])];
+            let corners = ring.map(|(i, j)| [plane.x[i], plane.u[j], mean(i, j)]);
+            let away: f64 = corners.iter().map(|c| camera.see(*c).1).sum();
+            let doubt = ring.iter().map(|(i, j)| std(*i, *j)).sum::<f64>() / 4.0;
+            cells.push((away, doubt, camera.path(corners)));
+        }
+    }
+    cells.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (_, doubt, d) in &cells {
+        let color = ramp_color((doubt - s0) / (s1 - s0).max(1e-12));
+        svg.push_str(&format!(
+            "<path fill=\"{color}\" fill-opacity=\"0.86\" stroke=\"{color}\" stroke-width=\"0.6\" d=\"{d}Z\"/>"
+        ));
+    }
+    // Two standard deviations above and below, along the edges of the surface.
+    let border: Vec<(usize, usize)> = (0..nx)
+        .map(|i| (i, 0))
+        .chain((1..nu).map(|j| (nx - 1, j)))
+        .chain((0..nx - 1).rev().map(|i| (i, nu - 1)))
+        .chain((0..nu - 1).rev().map(|j| (0, j)))
+        .collect();
+    for k in [-2.0, 2.0] {
+        let edge = border
+            .iter()
+            .map(|&(i, j)| [plane.x[i], plane.u[j], mean(i, j) + k * std(i, j)]);
+        svg.push_str(&line_svg("s6", Dash::Dashed, &camera.path(edge), 1.2));
+    }
+
+    // Data, with their distance from the surface.
+    let nearest = |values: &[f64], v: f64| {
+        let off = |i: &usize| (values[*i] - v).abs();
+        (0..values.len())
+            .min_by(|a, b| off(a).total_cmp(&off(b)))
+            .unwrap_or(0)
+    };
+    let mut hover = Vec::new();
+    for s in &strides {
+        let surface = mean(nearest(&plane.x, s[0]), nearest(&plane.u, s[1]));
+        let [x, y] = camera.see(*s).0;
+        let stem = camera.path([*s, [s[0], s[1], surface]]);
+        svg.push_str(&line_svg("s1", Dash::Solid, &stem, 1.3));
+        let mark = if s[2] >= surface {
+            Mark::Disc
+        } else {
+            Mark::Circle
+        };
+        svg.push_str(&mark_svg("s1", mark, x, y, 3.6));
+        hover.push(HoverPoint {
+            x,
+            y,
+            text: format!(
+                "from {} with {}: {} (map {})",
+                signed(s[0], 2),
+                signed(s[1], 2),
+                signed(s[2], 2),
+                signed(surface, 2)
+            ),
+        });
+    }
+    let unit = quantity(state).1;
+    svg.push_str(&color_bar(
+        [left + Sheet::FREE_WIDTH - 240.0, top + 10.0],
+        [s0, s1],
+        &format!("standard deviation of the function ({unit})"),
+    ));
+    sheet.draw(&svg, hover);
+    sheet.key("stride above the surface", Key::Mark("s1", Mark::Disc));
+    sheet.key("below it", Key::Mark("s1", Mark::Circle));
+    sheet.key("mean ± 2 sd at the edges", Key::Line("s6", Dash::Dashed));
+
+    let caption = format!(
+        "Fig. 13 of the paper. Map of the small humanoid's stepping after n = {} strides (points, with their distance from the \
+         surface; dots on the floor show where they are): mean of {} after a stride (height) over {} before it and the action {}. \
+         Colour: standard deviation of the function, {} to {} {unit}; dashed edges: two of them above and below the surface, which \
+         is a guess where no data are. The standard deviation of the noise is {} {unit}.",
+        strides.len(),
+        plain(&quantity(state).0),
+        plain(&quantity(state).0),
+        plain(&quantity(action).0),
+        number(s0, 2),
+        number(s1, 2),
+        number(at(&g.noise_std[0], 0, 0), 2),
+    );
+    let mut csv = format!("series,{state},{action},next_{state},latent_std,noise_std\n");
+    for i in &plane.rows {
+        csv.push_str(&format!(
+            "map,{},{},{},{},{}\n",
+            g.state[0][*i], g.action[0][*i], g.mean[0][*i], g.latent_std[0][*i], g.noise_std[0][*i]
+        ));
+    }
+    for [x, u, next] in &strides {
+        csv.push_str(&format!("stride,{x},{u},{next},,\n"));
+    }
+    let alt = format!(
+        "Surface of the predicted next {} over state and action, between {} and {} {unit}, with {} strides as points.",
+        plain(&quantity(state).0),
+        number(z0, 2),
+        number(z1, 2),
+        strides.len()
+    );
+    Ok(sheet.finish(&caption, &alt, csv))
+}
+
+/// A bar of the ramp with its ends and its name.
+fn color_bar([left, top]: [f64; 2], [lo, hi]: [f64; 2], name: &str) -> String {
+    const WIDTH: f64 = 240.0;
+    const STEPS: u32 = 60;
+    let wide = WIDTH / f64::from(STEPS);
+    let mut svg: String = (0..STEPS)
+        .map(|i| {
+            format!(
+                "<rect fill=\"{}\" shape-rendering=\"crispEdges\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"9\"/>",
+                ramp_color((f64::from(i) + 0.5) / f64::from(STEPS)),
+                coord(left + wide * f64::from(i)),
+                coord(top + 8.0),
+                coord(wide + 0.4)
+            )
+        })
+        .collect();
+    let mut note = |x: f64, y: f64, anchor: Anchor, class: &str, text: &str| {
+        svg.push_str(&format!(
+            "<text class=\"{class}\" x=\"{}\" y=\"{}\" font-size=\"{TICK}\" text-anchor=\"{}\">{}</text>",
+            coord(x),
+            coord(y),
+            anchor.name(),
+            spans(text, TICK)
+        ));
+    };
+    note(left, top + 30.0, Anchor::Start, "mut", &number(lo, 2));
+    note(left + WIDTH, top + 30.0, Anchor::End, "mut", &number(hi, 2));
+    note(left + 0.5 * WIDTH, top + 2.0, Anchor::Middle, "", name);
+    svg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube of 0 to 1: its corners are where the turn and the look downward put them.
+    #[test]
+    fn the_camera_looks_at_the_box_from_above_and_turned() {
+        let axis = || Axis::linear("", 0.0, 1.0);
+        let camera = Camera {
+            axes: [axis(), axis(), axis()],
+            size: [100.0, 100.0],
+            middle: [0.0, 0.0],
+            towards: false,
+        };
+        let at = |p| camera.see(p);
+        let (left, front, right) = (
+            at([0.0, 0.0, 0.0]),
+            at([1.0, 0.0, 0.0]),
+            at([1.0, 1.0, 0.0]),
+        );
+        assert!(left.0[0] < front.0[0] && front.0[0] < right.0[0]);
+        assert!(
+            front.1 < left.1 && front.1 < right.1,
+            "the front is nearest"
+        );
+        let (low, high) = (at([0.5, 0.5, 0.0]).0, at([0.5, 0.5, 1.0]).0);
+        let rise = 100.0 * DOWN_DEG.to_radians().cos();
+        assert!((low[1] - high[1] - rise).abs() < 1e-9 && (low[0] - high[0]).abs() < 1e-9);
+    }
+
+    /// A plane x' = 1 - u over a grid of 3 by 3, with one stride above and one below it.
+    #[test]
+    fn the_table_has_the_grid_and_the_strides_and_the_marks_their_side() {
+        let (mut state, mut action) = (Vec::new(), Vec::new());
+        for u in [0.0, 0.5, 1.0] {
+            for x in [-1.0, 0.0, 1.0] {
+                state.push(x);
+                action.push(u);
+            }
+        }
+        let stride = |x: f64, u: f64, next: f64| crate::run::StrideRow {
+            what: String::new(),
+            iteration: 1,
+            role: "training".into(),
+            episode: 0,
+            k: 0,
+            time_s: 0.0,
+            stance: String::new(),
+            state: vec![x],
+            action: vec![u],
+            next_state: vec![next],
+            reward: 0.0,
+            end: crate::run::StrideEnd::Crossing,
+        };
+        let data = MapFigure {
+            iteration: 1,
+            columns: crate::run::Columns {
+                state: vec!["psi_roll_deg".into()],
+                action: vec!["ankle_roll_amplitude_deg".into()],
+            },
+            grid: super::super::map::MapGrid {
+                state_axis: vec![0; 9],
+                action_axis: vec![0; 9],
+                mean: vec![action.iter().map(|u| 1.0 - u).collect()],
+                latent_std: vec![vec![0.1; 9]],
+                noise_std: vec![vec![0.3; 9]],
+                state: vec![state],
+                action: vec![action],
+            },
+            strides: vec![stride(0.0, 0.5, 0.9), stride(1.0, 1.0, -0.4)],
+        };
+        let figure = fig13(&data).unwrap();
+        assert_eq!(figure.csv.lines().count(), 1 + 9 + 2);
+        assert!(figure.csv.contains("\nstride,0,0.5,0.9,,\n"));
+        assert_eq!(
+            figure.svg.matches("fill-opacity=\"0.86\"").count(),
+            4,
+            "cells"
+        );
+        // One of either, and the legend's.
+        assert_eq!(figure.svg.matches("class=\"f1 sbg\"").count(), 2);
+        assert_eq!(figure.svg.matches("class=\"bg s1\"").count(), 2);
+        assert_eq!(figure.hover[0].text, "from 0.00 with 0.50: 0.90 (map 0.50)");
+        let empty = MapFigure {
+            grid: Default::default(),
+            ..data
+        };
+        assert!(fig13(&empty).is_err());
+    }
+}
