@@ -19,6 +19,7 @@ use stridemap_returnmap::{
 };
 
 use crate::error::LabError;
+use crate::guard::GuardWarning;
 use crate::plant::{InPlace, Plant, PlantCounters};
 use crate::poses::{PoseRecorder, Recording};
 use crate::proof::Proof;
@@ -28,6 +29,7 @@ use crate::strides::{
     ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive, make_strides,
 };
 use crate::task::Task;
+use crate::trust::Region;
 use crate::walk::{Walk, Walker};
 
 /// Time between recorded poses: smooth to the eye, small on disk.
@@ -71,6 +73,12 @@ pub struct Iteration {
     /// What became of the policy on the robot; with caution only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
+    /// Where the policy was allowed to lie; with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trust_region: Option<Region>,
+    /// Every warning of the guard, in exploration and proof; with caution only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<GuardWarning>,
     /// The policy as measured on the robot to report.
     pub record: Option<Performance>,
 }
@@ -232,6 +240,8 @@ pub struct Algorithm<'a> {
     pub(crate) plant: Plant,
     /// What has been achieved so far.
     pub progress: Progress,
+    /// Strides explored under guard in the iteration that begins, and the warnings among them.
+    pub(crate) explored: (usize, Vec<GuardWarning>),
 }
 
 impl<'a> Algorithm<'a> {
@@ -261,6 +271,7 @@ impl<'a> Algorithm<'a> {
             seed,
             plant,
             progress,
+            explored: Default::default(),
         }
     }
 
@@ -435,6 +446,7 @@ impl<'a> Algorithm<'a> {
             stalls: counted.stalls,
             warm_up: counted.warm_up,
             in_place: cautious.then(|| self.plant.in_place()),
+            warnings: std::mem::take(&mut self.explored).1,
             ..Iteration::default()
         });
         recorder.checkpoint(Phase::Collect, &self.progress)
@@ -513,6 +525,8 @@ impl<'a> Algorithm<'a> {
                 written = recorder.trial(iteration, trial);
             }
         };
+        let region = self.task.caution.as_ref().map(|c| self.trust_region(c));
+        let region = region.transpose()?;
         let policy = match (&self.task.caution, map) {
             (Some(caution), map) => self.propose(caution, map, &mut rng, &mut observe)?,
             (None, Some(map)) => {
@@ -539,6 +553,9 @@ impl<'a> Algorithm<'a> {
             }
         };
         written?;
+        if let Some(last) = self.progress.iterations.last_mut() {
+            last.trust_region = region;
+        }
         self.progress.seconds.improve += started.elapsed().as_secs_f64();
         recorder.policy(iteration, &policy)?;
         self.progress.policies.push(policy);

@@ -299,6 +299,7 @@ mod tests {
         let stride = |what: &str, time_s: f64| StrideRow {
             what: what.into(),
             iteration: 1,
+            phase: "collect".into(),
             role: "training".into(),
             episode: 0,
             k: 0,

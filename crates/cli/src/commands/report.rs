@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use stridemap_report::run::Run;
-use stridemap_report::{write_figures, write_mcap, write_report};
+use stridemap_report::{comparison, write_figures, write_mcap, write_report};
 
 use crate::failure::Failure;
 use crate::output;
@@ -27,6 +27,28 @@ pub fn draw(path: &Path) -> Result<PathBuf, Failure> {
     Ok(page)
 }
 
+/// Draws several runs on one page, and the figure over all of them as files beside it, under figures/.
+fn side_by_side(runs: &[Run], page: &Path) -> Result<(), Failure> {
+    let dir = page.parent().unwrap_or(Path::new("."));
+    // Without a measured iteration there is nothing to compare yet; the page says so.
+    if let Ok(figure) = comparison(runs) {
+        figure.write(&dir.join("figures"))?;
+    }
+    Ok(write_report(runs, page)?)
+}
+
+/// Draws the page over the runs of several seeds into a directory of its own; returns the page's path.
+pub fn draw_seeds(paths: &[PathBuf], dir: &Path) -> Result<PathBuf, Failure> {
+    let runs = paths
+        .iter()
+        .map(|path| read(path))
+        .collect::<Result<Vec<_>, _>>()?;
+    let page = dir.join("report.html");
+    stridemap_lab::run::files::create_dir(dir)?;
+    side_by_side(&runs, &page)?;
+    Ok(page)
+}
+
 /// Draws runs: one into its own directory, several side by side.
 pub fn report(paths: &[PathBuf], out: Option<&Path>) -> Result<(), Failure> {
     let page = match (paths, out) {
@@ -37,7 +59,7 @@ pub fn report(paths: &[PathBuf], out: Option<&Path>) -> Result<(), Failure> {
                 .map(|path| read(path))
                 .collect::<Result<Vec<_>, _>>()?;
             let page = out.map_or_else(|| paths[0].join("comparison.html"), Path::to_path_buf);
-            write_report(&runs, &page)?;
+            side_by_side(&runs, &page)?;
             page
         }
     };

@@ -216,18 +216,19 @@ fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64,
             .collect()
     };
     let ok = |s: &StrideRow| s.end == StrideEnd::Crossing;
+    let tries = |s: &StrideRow| s.phase == "evaluate" || s.role == "evaluation";
     let sets: [MarkedSet<'_>; 4] = [
         (
-            &|s| ok(s) && s.role == "training",
+            &|s| ok(s) && !tries(s),
             "s0",
             Mark::Disc,
-            "training stride",
+            "exploring or sampling",
         ),
         (
-            &|s| ok(s) && s.role != "training",
+            &|s| ok(s) && tries(s),
             "s4",
             Mark::Diamond,
-            "evaluation stride",
+            "trying the policy's mean",
         ),
         (&|s| s.end == StrideEnd::Fell, "s1", Mark::Cross, "fall"),
         (
@@ -252,7 +253,7 @@ fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64,
                 "stride {}, iteration {} ({}): {what} {}, {}",
                 i + 1,
                 s.iteration,
-                s.role,
+                if tries(s) { "trying" } else { "exploring" },
                 number(value(s), 3),
                 end_name(s.end)
             ),
@@ -408,95 +409,5 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         "{} over {total} strides: while learning, and nominal gait against final policy.",
         plain(&name)
     );
-    Ok(sheet.finish(&caption, &alt, csv))
-}
-
-/// One run among several.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RunCurve {
-    /// Name of the run.
-    pub name: String,
-    /// Mean reward of the nominal gait.
-    pub nominal: Option<f64>,
-    /// Training and evaluation strides so far, and the mean reward of the policy then.
-    pub iterations: Vec<(f64, f64)>,
-    /// Falls on the robot while learning.
-    pub falls: u64,
-}
-
-/// Draws the reward on the robot against the strides spent, one line per run.
-///
-/// # Errors
-///
-/// [`ReportError::Empty`](crate::ReportError::Empty) if no run has an iteration.
-pub fn runs_compared(runs: &[RunCurve]) -> Result<Figure> {
-    let stem = "runs";
-    some(
-        stem,
-        "no iteration",
-        runs.iter().map(|r| r.iterations.len()).sum(),
-    )?;
-    const CLASSES: [&str; 7] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6"];
-    const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::Chain, Dash::Dotted];
-    let curve = |r: &RunCurve| -> Vec<(f64, f64)> {
-        r.nominal
-            .map(|n| (0.0, n))
-            .into_iter()
-            .chain(r.iterations.iter().copied())
-            .collect()
-    };
-    let values: Vec<f64> = runs
-        .iter()
-        .flat_map(|r| curve(r).into_iter().map(|p| p.1))
-        .collect();
-    let last = runs
-        .iter()
-        .flat_map(|r| r.iterations.iter().map(|p| p.0))
-        .fold(1.0, f64::max);
-    let y = reward_axis("mean reward on the robot", &values);
-    let note = scale_note(&y);
-    let mut sheet = Sheet::new(stem, "Runs beside each other");
-    let mut p = sheet.single(
-        260.0,
-        Axis::counting("strides on the robot so far", -0.02 * last, last * 1.02),
-        y,
-    );
-    for (i, r) in runs.iter().enumerate() {
-        let (class, dash) = (
-            CLASSES[i % CLASSES.len()],
-            DASHES[(i / CLASSES.len()) % DASHES.len()],
-        );
-        let points = curve(r);
-        p.line(&points, class, dash, 2.0);
-        p.marks(&points, class, Mark::Disc, 3.6);
-        for (x, y) in &points {
-            p.hover(
-                *x,
-                *y,
-                format!(
-                    "{}: mean reward {} after {x} strides",
-                    r.name,
-                    number(*y, 3)
-                ),
-            );
-        }
-        if runs.len() <= 12 {
-            p.key(&r.name, Key::Both(class, dash, Mark::Disc));
-        }
-    }
-    sheet.add(p);
-    let caption = format!(
-        "Mean reward on the robot of each iteration's policy against the training and evaluation strides spent so far; at 0 the \
-         nominal gait. One line per run (n = {}), {} while learning in all.{note}",
-        plural(runs.len(), "run"),
-        plural(runs.iter().map(|r| r.falls).sum::<u64>() as usize, "fall")
-    );
-    let mut csv = String::from("run,strides_so_far,mean_reward\n");
-    for r in runs {
-        for (x, y) in curve(r) {
-            csv.push_str(&format!("{},{x},{y}\n", r.name.replace(',', " ")));
-        }
-    }
-    let alt = format!("Mean reward against strides for {} runs.", runs.len());
     Ok(sheet.finish(&caption, &alt, csv))
 }
