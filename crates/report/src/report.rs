@@ -84,6 +84,7 @@ fn learned_at_all(run: &Run) -> Section {
             nominal: level(summary.and_then(|s| s.nominal)),
             final_policy: level(summary.and_then(|s| s.final_policy)),
             best,
+            paper: paper_says(run),
         }),
     );
     if let Some(name) = run.columns.state.first() {
@@ -101,6 +102,20 @@ fn learned_at_all(run: &Run) -> Section {
     }
     section.draw("Actions", actions(&action_figure(run)));
     section
+}
+
+/// The paper's number for what the task rewards, if it has one.
+fn paper_says(run: &Run) -> Option<String> {
+    match run.reward_quantity().as_deref() {
+        Some("speed_m_s") => Some(
+            "The paper's simulated robot walked at 0.14 m/s (sec. 8.1); here the reward of a stride is its speed in m/s.".to_owned(),
+        ),
+        // Eq. (27) with a target of 2 deg.
+        None if run.target_deg().is_some_and(|t| (t - 2.0).abs() < 1e-9) => Some(
+            "The paper's Fig. 8 ends at about 0 after 15 trials in a map of 20 strides.".to_owned(),
+        ),
+        _ => None,
+    }
 }
 
 fn action_figure(run: &Run) -> ActionFigure {
@@ -135,15 +150,18 @@ fn what_it_learned(run: &Run) -> Section {
         };
         run.transitions.iter().filter(datum).cloned().collect()
     };
-    match run.policies.split_last() {
+    let chosen = run.summary.as_ref().and_then(|s| s.final_iteration);
+    let policies = run.policies.iter();
+    let of_final = policies.clone().find(|p| Some(p.0) == chosen);
+    match of_final.or(run.policies.last()) {
         None => section.notes.push("The run has no policy yet.".to_owned()),
-        Some(((iteration, grid), earlier)) => section.draw(
+        Some((iteration, grid)) => section.draw(
             "Policy",
             policy(&PolicyFigure {
                 iteration: *iteration,
                 columns: run.columns.clone(),
                 grid: grid.clone(),
-                earlier: earlier.to_vec(),
+                earlier: policies.filter(|p| p.0 != *iteration).cloned().collect(),
                 strides: training(u32::MAX),
             }),
         ),
@@ -161,7 +179,8 @@ fn what_it_learned(run: &Run) -> Section {
             section.draw("Slices of the map", map_slices(&data));
         }
     }
-    if let Some((iteration, grid)) = run.lines.last() {
+    let of_final = run.lines.iter().find(|l| Some(l.0) == chosen);
+    if let Some((iteration, grid)) = of_final.or(run.lines.last()) {
         let summary = run.summary.as_ref();
         let iterations = summary.map(|s| s.iterations.as_slice()).unwrap_or_default();
         section.draw(

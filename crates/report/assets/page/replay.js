@@ -64,13 +64,17 @@
     let peak = 1;
     for (const l of rec.loads) peak = Math.max(peak, l);
     rec.peak = peak;
-    // The feet: the two bodies that carry the lowest shapes at first; the left one has the larger y.
-    const first = pose(rec, 0), low = new Map();
-    for (const s of rec.shapes) {
-      const b = first[s.body];
-      for (const p of s.v) {
-        const q = add(turn(b.m, p), b.p);
-        if (!low.has(s.body) || q[2] < low.get(s.body)) low.set(s.body, q[2]);
+    // The feet: the two bodies that come lowest at any time (each foot is in the air at some time); the left
+    // one has the larger y at first.
+    const first = pose(rec, 0), low = new Map(), looks = Math.min(rec.count, 60);
+    for (let i = 0; i < looks; i++) {
+      const bodies = i ? pose(rec, rec.span * i / (looks - 1)) : first;
+      for (const s of rec.shapes) {
+        const b = bodies[s.body];
+        for (const p of s.v) {
+          const q = add(turn(b.m, p), b.p);
+          if (!low.has(s.body) || q[2] < low.get(s.body)) low.set(s.body, q[2]);
+        }
       }
     }
     const feet = [...low].sort((a, b) => a[1] - b[1]).slice(0, 2).map((e) => e[0]);

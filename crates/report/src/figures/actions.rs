@@ -104,7 +104,7 @@ pub fn actions(data: &ActionFigure) -> Result<Figure> {
                 let (lo, hi) = extent(values.chain(edges.flatten().copied()));
                 let most = if several { 4.0 } else { 6.0 };
                 let air = 0.06 * (hi - lo).max(1e-6);
-                // Head room for the warnings.
+                // Head room for the warnings, or for the names of the iterations.
                 let y = Axis::linear_with("", lo - air, hi + 3.0 * air, most);
                 let last = r + 1 == rows;
                 let x = Axis::counting(
@@ -145,9 +145,15 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
         }
         // The iterations are named where there is room.
         let room = p.px(end) - p.px(begin);
-        if a == 0 && room > 62.0 {
-            let text = format!("iteration {iteration}");
-            p.note_px(p.px(begin) + 4.0, p.top - 22.0, Anchor::Start, "mut", &text);
+        if data.columns.action.len() == 1 && room > 66.0 {
+            let (x, y) = (p.px(begin) + 5.0, p.top + 12.0);
+            p.note_px(
+                x,
+                y,
+                Anchor::Start,
+                "mut",
+                &format!("iteration {iteration}"),
+            );
         }
     }
     if let Some(u) = data.proven.as_ref().and_then(|u| u.get(a)) {
@@ -157,10 +163,13 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
             Key::Line("s2", Dash::Dashed),
         );
     }
-    let r = if data.strides.len() > 150 { 2.0 } else { 3.0 };
+    // Among hundreds of strides rims would hide what is behind them; the trust region then tells apart, too.
+    let many = data.strides.len() > 120;
+    let r = if many { 2.6 } else { 3.2 };
+    let shape = |mark| if many { Mark::Dot } else { mark };
     for (evaluate, class, mark, name) in [
-        (false, "s0", Mark::Disc, "exploring or sampling"),
-        (true, "s4", Mark::Diamond, "trying a policy"),
+        (false, "s0", shape(Mark::Disc), "exploring or sampling"),
+        (true, "s1", shape(Mark::Diamond), "trying a policy"),
     ] {
         let points: Vec<(f64, f64)> = data
             .strides
@@ -182,8 +191,8 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
         .filter_map(|(i, s)| Some((i as f64 + 1.0, *s.action.get(a)?)))
         .collect();
     if !falls.is_empty() {
-        p.marks(&falls, "s1", Mark::Cross, 4.0);
-        p.key("fall or stall", Key::Mark("s1", Mark::Cross));
+        p.marks(&falls, "s6", Mark::Cross, 4.0);
+        p.key("fall or stall", Key::Mark("s6", Mark::Cross));
     }
     let (name, unit) = quantity(&data.columns.action[a]);
     for (i, s) in data.strides.iter().enumerate() {

@@ -37,7 +37,7 @@ pub struct PolicyFigure {
     pub columns: Columns,
     /// The policy.
     pub grid: PolicyGrid,
-    /// An earlier policy, drawn thin, with its iteration.
+    /// Policies of other iterations, drawn thin, with their iteration.
     pub earlier: Vec<(u32, PolicyGrid)>,
     /// Strides whose states make the rug.
     pub strides: Vec<StrideRow>,
@@ -170,7 +170,7 @@ pub fn policy(data: &PolicyFigure) -> Result<Figure> {
         ));
     }
     if !data.earlier.is_empty() {
-        caption.push_str(" Thin lines: policies of earlier iterations.");
+        caption.push_str(" Thin lines: policies of the other iterations.");
     }
     caption.push_str(if data.grid.value.is_some() {
         " Below: the critic's value function, the discounted sum of rewards that it expects from a state, where learning ended."
@@ -309,7 +309,7 @@ fn policy_panel(p: &mut Panel, data: &PolicyFigure, state: usize, action: usize)
     p.marks(&centres, "s4", Mark::Diamond, 3.6);
     p.key("mean action", Key::Line("s0", Dash::Solid));
     if !data.earlier.is_empty() {
-        p.key("earlier iterations", Key::Line("ref", Dash::Solid));
+        p.key("other iterations", Key::Line("ref", Dash::Solid));
     }
     if !centres.is_empty() {
         p.key("basis centres", Key::Mark("s4", Mark::Diamond));

@@ -22,6 +22,8 @@ pub struct LearningCurves {
     pub final_policy: Option<f64>,
     /// Best mean reward of an iteration's policy on the robot.
     pub best: Option<f64>,
+    /// What the paper reports for such a task, as a sentence.
+    pub paper: Option<String>,
 }
 
 /// Separators and numbers of iterations along a sequence of `(iteration, position)`.
@@ -56,7 +58,7 @@ fn levels(p: &mut Panel, data: &LearningCurves) {
         if let Some(value) = value {
             p.across(value, class, dash);
             p.key(
-                &format!("{name} ({})", number(value, 2)),
+                &format!("{name} ({})", number(value, 3)),
                 Key::Line(class, dash),
             );
         }
@@ -80,7 +82,10 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
     let mut notes = String::new();
     if !trials.is_empty() {
         let rewards: Vec<f64> = trials.iter().map(|t| t.average_reward).collect();
-        let y = reward_axis("average reward", &rewards);
+        let (lo, hi) = extent(rewards.iter().copied());
+        let room = (hi > 0.0).then_some(hi + 0.14 * (hi - lo));
+        let shown: Vec<f64> = rewards.iter().copied().chain(room).collect();
+        let y = reward_axis("average reward", &shown);
         notes.push_str(&scale_note(&y));
         let x = Axis::counting("trial in the learned map", 0.5, trials.len() as f64 + 0.5);
         let mut panels = sheet.row(170.0, vec![(1.0, x, y, Some("In the learned map"))]);
@@ -136,7 +141,17 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         .count();
     if !data.strides.is_empty() {
         let mut rewards: Vec<f64> = data.strides.iter().map(|s| s.reward).collect();
-        rewards.extend(data.nominal.iter().chain(&data.final_policy));
+        rewards.extend(
+            data.nominal
+                .iter()
+                .chain(&data.final_policy)
+                .chain(&data.best),
+        );
+        let (lo, hi) = extent(rewards.iter().copied());
+        if hi > 0.0 {
+            // Head room for the names of the iterations; an axis that ends at zero has it anyway.
+            rewards.push(hi + 0.1 * (hi - lo));
+        }
         let y = reward_axis("reward", &rewards);
         let x = Axis::counting("stride on the robot", 0.5, data.strides.len() as f64 + 0.5);
         let mut panels = sheet.row(190.0, vec![(1.0, x, y, Some("On the robot"))]);
@@ -151,11 +166,15 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         }
     }
     let each = |v: Option<f64>| v.map_or_else(|| "not measured".to_owned(), |v| number(v, 3));
+    let paper = data
+        .paper
+        .as_ref()
+        .map_or_else(String::new, |p| format!(" {p}"));
     let caption = format!(
         "Above: average reward per stride of each trial imagined in the learned map (n = {}). Below: reward of \
          each stride on the robot, training and evaluation, in order, without averaging (n = {}, {falls} ended \
          without a section). Lines: mean reward on the robot of the nominal gait ({}), the best iteration ({}) and the \
-         final policy ({}). Rewards have no unit; dotted uprights part the iterations.{notes}",
+         final policy ({}). Dotted uprights part the iterations.{notes}{paper}",
         plural(trials.len(), "trial"),
         plural(data.strides.len(), "stride"),
         each(data.nominal),
@@ -379,8 +398,7 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
     };
     let caption = format!(
         "{} at the end of each stride, without averaging. Above: strides on the robot while learning ({}). Below: strides run \
-         only to report, nominal gait ({}) and final policy ({}). Dash-dotted: the desired value{}. Crosses: falls. The \
-         paper's Fig. 14 (real robot): mean of strides 10 to 40 is 0.12 deg for a target of 0.0 deg.",
+         only to report, nominal gait ({}) and final policy ({}). Dash-dotted: the desired value{}. Crosses: falls.{}",
         plain(&name),
         count(&data.strides),
         count(&data.nominal),
@@ -388,7 +406,12 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         data.target.map_or_else(
             || " (none in this task)".to_owned(),
             |t| format!(", {}", signed(t, 1))
-        )
+        ),
+        if data.target.is_some() {
+            " The paper's Fig. 14 (real robot): mean of strides 10 to 40 is 0.12 deg for a target of 0.0 deg."
+        } else {
+            ""
+        }
     );
     let mut csv = format!("what,stride,{},end\n", data.name);
     for (what, rows) in [
