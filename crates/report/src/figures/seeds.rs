@@ -86,7 +86,7 @@ fn draw_spread(p: &mut Panel, spread: &[Spread], marks: bool) {
     let x: Vec<f64> = spread.iter().map(|s| s.0).collect();
     p.band(&x, &of(0), &of(2), "s0", 0.24);
     let median: Vec<(f64, f64)> = x.iter().copied().zip(of(1)).collect();
-    p.line(&median, "s6", Dash::Solid, 2.6);
+    p.line(&median, "s6", Dash::Solid, if marks { 2.6 } else { 1.5 });
     if marks {
         p.marks(&median, "s6", Mark::Disc, 4.0);
     }
@@ -147,12 +147,12 @@ pub fn runs_compared(runs: &[RunCurve], reward: &str) -> Result<Figure> {
         ""
     };
     let caption = format!(
-        "{}Mean on the robot of each iteration's policy against the training and evaluation strides spent so far; at 0 the nominal \
+        "{}ean on the robot of each iteration's policy against the training and evaluation strides spent so far; at 0 the nominal \
          gait. One thin line per run (n = {}), {} while learning in all.{how}{last}{notes}",
         if runs.iter().any(|r| !r.trials.is_empty()) {
-            "Above: average of each trial imagined in the learned map, over all iterations in order. Below: "
+            "Above: average of each trial imagined in the learned map, over all iterations in order. Below: m"
         } else {
-            ""
+            "M"
         },
         plural(runs.len(), "run"),
         plural(runs.iter().map(|r| r.falls).sum::<u64>() as usize, "fall")
