@@ -103,7 +103,11 @@ pub fn actions(data: &ActionFigure) -> Result<Figure> {
                 let edges = edges.flat_map(|g| [g.lower.get(*a), g.upper.get(*a)]);
                 let (lo, hi) = extent(values.chain(edges.flatten().copied()));
                 let most = if several { 4.0 } else { 6.0 };
-                let air = 0.06 * (hi - lo).max(1e-6);
+                let air = if hi - lo > 1e-6 {
+                    0.06 * (hi - lo)
+                } else {
+                    0.3
+                };
                 // Head room for the warnings, or for the names of the iterations.
                 let y = Axis::linear_with("", lo - air, hi + 3.0 * air, most);
                 let last = r + 1 == rows;

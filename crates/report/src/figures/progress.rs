@@ -166,16 +166,22 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         }
     }
     let each = |v: Option<f64>| v.map_or_else(|| "not measured".to_owned(), |v| number(v, 3));
+    let above = match trials.len() {
+        0 => "R".to_owned(),
+        n => format!(
+            "Above: average reward per stride of each trial imagined in the learned map (n = {}). Below: r",
+            plural(n, "trial")
+        ),
+    };
     let paper = data
         .paper
         .as_ref()
         .map_or_else(String::new, |p| format!(" {p}"));
     let caption = format!(
-        "Above: average reward per stride of each trial imagined in the learned map (n = {}). Below: reward of \
+        "{above}eward of \
          each stride on the robot, training and evaluation, in order, without averaging (n = {}, {falls} ended \
          without a section). Lines: mean reward on the robot of the nominal gait ({}), the best iteration ({}) and the \
          final policy ({}). Dotted uprights part the iterations.{notes}{paper}",
-        plural(trials.len(), "trial"),
         plural(data.strides.len(), "stride"),
         each(data.nominal),
         each(data.best),

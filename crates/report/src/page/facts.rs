@@ -214,13 +214,14 @@ pub(super) fn tiles(run: &Run) -> String {
             ));
         }
     }
-    if run.reward_quantity().as_deref() != Some("speed_m_s") || !walks {
+    let measured = s.nominal.is_some() || s.final_policy.is_some();
+    if measured && (run.reward_quantity().as_deref() != Some("speed_m_s") || !walks) {
         tiles.push((
             format!("{} \u{2192} {}", reward(s.nominal), reward(s.final_policy)),
             "mean reward on the robot, nominal to final".to_owned(),
         ));
     }
-    if !walks {
+    if measured && !walks {
         tiles.push((
             format!(
                 "{}\u{b0} \u{2192} {}\u{b0}",
@@ -259,7 +260,7 @@ pub(super) fn tiles(run: &Run) -> String {
             "slope of the return map under pushes, and its fixed point".to_owned(),
         ));
     }
-    if let Some(seconds) = &s.seconds {
+    if let Some(seconds) = s.seconds.filter(|s| s.total > 0.0) {
         tiles.push((
             format!("{} s", number(seconds.total, 3)),
             "computing, simulation included".to_owned(),
@@ -367,12 +368,11 @@ pub(super) fn model_card(run: &Run) -> String {
     let Some(map) = run.maps.last() else {
         return String::new();
     };
-    let inputs: Vec<&String> = run
-        .columns
-        .state
-        .iter()
-        .chain(&run.columns.action)
-        .collect();
+    // A map may see the last action beside the action.
+    let last = run.columns.action.iter();
+    let last = last.map(|a| format!("last {}", plain(&label(a, ""))));
+    let now = run.columns.state.iter().chain(&run.columns.action);
+    let inputs: Vec<String> = now.map(|n| plain(&label(n, ""))).chain(last).collect();
     let optional = |v: Option<f64>, f: &dyn Fn(f64) -> f64| {
         v.map_or_else(|| "\u{2013}".to_owned(), |v| number(f(v), 3))
     };
@@ -380,15 +380,29 @@ pub(super) fn model_card(run: &Run) -> String {
     let mut warnings = String::new();
     for o in &map.outputs {
         let (name, unit) = quantity(&o.name);
-        let scales: Vec<String> = o
+        // The inputs on which the output depends most, shortest first.
+        const SHOWN: usize = 4;
+        let mut scales: Vec<(f64, &str)> = o
             .length_scales
             .iter()
-            .enumerate()
-            .map(|(i, l)| match inputs.get(i) {
-                Some(input) => format!("{} along {}", number(*l, 3), plain(&label(input, ""))),
-                None => number(*l, 3),
-            })
+            .copied()
+            .zip(
+                inputs
+                    .iter()
+                    .map(String::as_str)
+                    .chain(std::iter::repeat("")),
+            )
             .collect();
+        scales.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let rest = scales.len().saturating_sub(SHOWN);
+        let mut scales: Vec<String> = scales
+            .iter()
+            .take(SHOWN)
+            .map(|(l, input)| format!("{} along {input}", number(*l, 3)))
+            .collect();
+        if rest > 0 {
+            scales.push(format!("longer along the other {rest}"));
+        }
         let dash = || "\u{2013}".to_owned();
         rows.push_str(&format!(
             "<tr><td>{}</td><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td>\
@@ -401,11 +415,11 @@ pub(super) fn model_card(run: &Run) -> String {
             within(o, 1.0).unwrap_or_else(dash),
             within(o, 2.0).unwrap_or_else(dash)
         ));
-        for w in &o.warnings {
+        for w in plain_warnings(&o.warnings, &inputs) {
             warnings.push_str(&format!(
                 "<li class=\"bad\">{}: {}</li>",
                 subscripts(&plain(&name)),
-                escape(w)
+                subscripts(&w)
             ));
         }
     }
@@ -421,6 +435,35 @@ pub(super) fn model_card(run: &Run) -> String {
          <p class=\"note\">Map of iteration {}. The last two columns: leave-one-out predictions.</p>{warned}",
         map.iteration
     )
+}
+
+/// The warnings of a card in the words of the task: inputs by their names, bounds by what they mean.
+fn plain_warnings(warnings: &[String], inputs: &[String]) -> Vec<String> {
+    let (mut unused, mut steep, mut others) = (Vec::new(), Vec::new(), Vec::new());
+    for w in warnings {
+        let index = w
+            .strip_prefix("length_scales[")
+            .and_then(|rest| rest.split_once(']'))
+            .and_then(|(i, rest)| Some((inputs.get(i.parse::<usize>().ok()?)?, rest)));
+        match index {
+            Some((input, rest)) if rest.ends_with("upper bound") => unused.push(input.as_str()),
+            Some((input, rest)) if rest.ends_with("lower bound") => steep.push(input.as_str()),
+            _ => others.push(w.clone()),
+        }
+    }
+    if !unused.is_empty() {
+        others.push(format!(
+            "in these data it hardly depends, beside a straight line where the map has one, on {} (length scale at its upper bound)",
+            unused.join(", ")
+        ));
+    }
+    if !steep.is_empty() {
+        others.push(format!(
+            "it changes faster than the data can show along {} (length scale at its lower bound)",
+            steep.join(", ")
+        ));
+    }
+    others
 }
 
 /// Where a run comes from and how to make it again.
@@ -579,4 +622,27 @@ pub(super) fn bibliography(runs: &[Run]) -> String {
          that made the numbers.</p><pre tabindex=\"0\" aria-label=\"BibTeX entries\">{}</pre>",
         escape(&entry)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain_warnings;
+
+    #[test]
+    fn warnings_name_inputs_and_say_what_bounds_mean() {
+        let inputs = ["psi (deg)".to_owned(), "lean (deg)".to_owned()];
+        let warnings = [
+            "9 points repeat an earlier one",
+            "length_scales[1] = 7.269e2 is at its upper bound",
+            "length_scales[7] = 1 is at its upper bound",
+        ];
+        let said = plain_warnings(&warnings.map(str::to_owned), &inputs);
+        assert_eq!(said[0], "9 points repeat an earlier one");
+        assert_eq!(said[1], "length_scales[7] = 1 is at its upper bound");
+        assert!(
+            said[2].contains("hardly depends") && said[2].contains("on lean (deg) (length"),
+            "{}",
+            said[2]
+        );
+    }
 }
