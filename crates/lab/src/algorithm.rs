@@ -35,6 +35,9 @@ use crate::walk::{Walk, Walker};
 /// Time between recorded poses: smooth to the eye, small on disk.
 const FRAME_PERIOD_S: f64 = 0.02;
 
+/// About the duration of a stride of the nominal gait, for where a film begins.
+const WARM_UP_STRIDE_S: f64 = 0.6;
+
 /// Wall-clock seconds spent, by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
@@ -625,6 +628,8 @@ impl<'a> Algorithm<'a> {
         let recording = self.task.record.pose_seconds > 0.0 && !what.starts_with("iteration");
         let recording = recording.then(|| {
             let begin_s = self.task.gait.ramp_s.roll[1].max(self.task.gait.ramp_s.pitch[1]);
+            // A start that steps on the spot first is filmed from the end of it.
+            let begin_s = begin_s + WARM_UP_STRIDE_S * self.task.collect.warm_up_strides as f64;
             let end_s = begin_s + self.task.record.pose_seconds;
             let (observer, recording) =
                 PoseRecorder::new(self.plant.robot(), FRAME_PERIOD_S, begin_s, end_s);
