@@ -47,8 +47,11 @@ fn measured_strides(task: &Task, iteration: bool) -> usize {
 fn expected_strides(task: &Task, done: usize, learned: usize) -> usize {
     let counts = &task.collect.strides;
     let collected = |i: usize| counts.get(i).or(counts.last()).copied().unwrap_or(0);
-    let per_iteration = task.algorithm.evaluation_strides
-        + task.caution.as_ref().map_or(0, |c| c.proof.proof_strides);
+    // A proof takes the place of evaluation strides.
+    let per_iteration = match &task.caution {
+        Some(caution) => caution.proof.proof_strides,
+        None => task.algorithm.evaluation_strides,
+    };
     let most = task.algorithm.iterations;
     let (mut iterations, mut strides) = (done, learned);
     let budget = task.algorithm.strides_at_most.unwrap_or(usize::MAX);
