@@ -25,11 +25,24 @@ pub fn note(text: impl AsRef<str>) {
     let _ = writeln!(stderr, "{}", text.as_ref());
 }
 
-/// Overwrites the last status line (terminals only).
+/// Overwrites the last status line (terminals only), cut to the width of the terminal: a line that wrapped
+/// could not be overwritten.
 pub fn status(text: impl AsRef<str>) {
+    let size = terminal_size::terminal_size_of(std::io::stderr());
+    let width = size.map_or(80, |(w, _)| usize::from(w.0));
     let mut stderr = std::io::stderr().lock();
-    let _ = write!(stderr, "\r\x1b[2K{}", text.as_ref());
+    let _ = write!(stderr, "\r\x1b[2K{}", fitted(text.as_ref(), width));
     let _ = stderr.flush();
+}
+
+/// The text, or its beginning with an ellipsis if it is wider than a terminal of so many columns.
+fn fitted(text: &str, width: usize) -> String {
+    let room = width.saturating_sub(1);
+    if text.chars().count() <= room {
+        return text.to_owned();
+    }
+    let kept: String = text.chars().take(room.saturating_sub(1)).collect();
+    kept + "\u{2026}"
 }
 
 /// Clears the status line (terminals only).
@@ -51,4 +64,17 @@ pub fn error(failure: &Failure) {
         }
     }
     note(format!("error: {}", causes.join(": ")));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fitted;
+
+    #[test]
+    fn a_status_line_never_wraps() {
+        assert_eq!(fitted("stride 3", 80), "stride 3");
+        // The last column stays free: some terminals wrap as soon as it is written.
+        assert_eq!(fitted("stride 3", 8), "stride\u{2026}");
+        assert_eq!(fitted("stride 3", 0), "\u{2026}");
+    }
 }

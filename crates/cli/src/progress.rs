@@ -1,5 +1,5 @@
-//! What the person who waits is shown, on stderr: a live line in a terminal, a line per phase and
-//! iteration in a pipe.
+//! What the person who waits is shown, on stderr and only in a terminal: a live line, and a line that stays
+//! for each iteration.
 
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use stridemap_lab::run::Watcher;
-use stridemap_lab::{Phase, Progress, StridePhase, Task, Transition};
+use stridemap_lab::{Performance, Phase, Progress, StridePhase, Task, Transition, Verdict};
 use stridemap_learn::TrialSummary;
 use stridemap_returnmap::StrideEnd;
 
@@ -31,24 +31,45 @@ pub fn stop_flag() -> Arc<AtomicBool> {
     flag
 }
 
-/// Expected strides of a whole run, for the time that is left.
-fn expected_strides(task: &Task) -> usize {
-    let counts = &task.collect.strides;
-    let iterations = task.algorithm.iterations;
-    let collected: usize = (0..iterations)
-        .map(|i| counts.get(i).or(counts.last()).copied().unwrap_or(0))
-        .sum();
-    let evaluated = iterations * task.algorithm.evaluation_strides;
-    let recorded = 2 * (task.record.strides + task.record.discard)
-        + iterations * (task.record.iteration_strides + task.record.discard);
-    collected + evaluated + recorded
+/// Strides that a phase which only measures makes: of one measured policy.
+fn measured_strides(task: &Task, iteration: bool) -> usize {
+    /// About the duration of a stride, for tasks that measure for a time.
+    const STRIDE_S: f64 = 0.55;
+    match task.record.walk_s {
+        Some(seconds) => (seconds / STRIDE_S).round() as usize,
+        None if iteration => task.record.iteration_strides + task.record.discard,
+        None => task.record.strides + task.record.discard,
+    }
 }
 
-/// Shows one run.
+/// Expected strides of a whole run after `done` iterations with `learned` strides in the budget: for the
+/// time that is left. Where policies are proven the number of iterations is not known before the end.
+fn expected_strides(task: &Task, done: usize, learned: usize) -> usize {
+    let counts = &task.collect.strides;
+    let collected = |i: usize| counts.get(i).or(counts.last()).copied().unwrap_or(0);
+    // A proof takes the place of evaluation strides.
+    let per_iteration = match &task.caution {
+        Some(caution) => caution.proof.proof_strides,
+        None => task.algorithm.evaluation_strides,
+    };
+    let most = task.algorithm.iterations;
+    let (mut iterations, mut strides) = (done, learned);
+    let budget = task.algorithm.strides_at_most.unwrap_or(usize::MAX);
+    while iterations < most && strides < budget {
+        strides = (strides + collected(iterations) + per_iteration).min(budget);
+        iterations += 1;
+    }
+    strides + iterations * measured_strides(task, true) + 2 * measured_strides(task, false)
+}
+
+/// Shows one run in a terminal: a live line per stride and trial, a line that stays per iteration. In a pipe
+/// it says nothing: what happened is in the run directory.
 pub struct RunProgress {
     live: bool,
-    expected: usize,
+    task: Task,
     made: usize,
+    learned: usize,
+    iterations: usize,
     started: Instant,
     last_live: Option<Instant>,
     falls: usize,
@@ -59,8 +80,10 @@ impl RunProgress {
     pub fn new(task: &Task) -> Self {
         Self {
             live: std::io::stderr().is_terminal(),
-            expected: expected_strides(task),
+            task: task.clone(),
             made: 0,
+            learned: 0,
+            iterations: 0,
             started: Instant::now(),
             last_live: None,
             falls: 0,
@@ -68,82 +91,163 @@ impl RunProgress {
     }
 
     fn eta(&self) -> String {
+        let expected = expected_strides(&self.task, self.iterations, self.learned);
         let rate = self.made as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
-        let left = self.expected.saturating_sub(self.made) as f64 / rate.max(1e-9);
-        format!("{rate:.0} strides/s, about {left:.0} s left")
+        let left = expected.saturating_sub(self.made) as f64 / rate.max(1e-9);
+        format!("about {} left", duration(left))
+    }
+
+    /// Whether it is time for another live line.
+    fn due(&mut self) -> bool {
+        let last = self.last_live;
+        let due = self.live && last.is_none_or(|last| last.elapsed() >= LIVE_EVERY);
+        if due {
+            self.last_live = Some(Instant::now());
+        }
+        due
+    }
+
+    /// What a stride did, in a few words.
+    fn did(&self, t: &Transition) -> String {
+        match t.end {
+            StrideEnd::Fell => return "fell".into(),
+            StrideEnd::NoCrossing => return "stalled".into(),
+            StrideEnd::Aborted => return "stopped by its equipment".into(),
+            StrideEnd::Crossing => {}
+        }
+        let m = &t.measures;
+        if self.task.record.walk_s.is_some() {
+            format!(
+                "{:.2} m/s, turn {:+.1} deg, psi_roll {:+.2} deg",
+                m.forward_m / m.duration_s.max(f64::MIN_POSITIVE),
+                m.turn_deg,
+                m.psi_roll_deg
+            )
+        } else {
+            format!("psi_roll {:+.2} deg", m.psi_roll_deg)
+        }
+    }
+
+    /// A line that stays.
+    fn keep(&self, text: impl AsRef<str>) {
+        if self.live {
+            output::clear_status();
+            output::note(text);
+        }
+    }
+
+    /// A measured policy in a few words.
+    fn measured(p: &Performance) -> String {
+        let falls = match p.falls {
+            0 => "no falls".to_owned(),
+            1 => "1 fall".to_owned(),
+            n => format!("{n} falls"),
+        };
+        match p.walk {
+            Some(walk) => format!(
+                "{:.3} m/s, upright {:.0} s, {falls}",
+                walk.speed_m_s, walk.upright_s
+            ),
+            None => format!(
+                "reward {:+.4}, psi_roll {:.2} deg, {falls}",
+                p.mean_reward, p.mean_psi_roll_deg
+            ),
+        }
+    }
+}
+
+/// Seconds as one reads them on a clock.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0..60 => format!("{whole} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole / 60 % 60),
     }
 }
 
 impl Watcher for RunProgress {
     fn stride(&mut self, t: &Transition, what: Option<&str>) {
         self.made += 1;
-        if t.end != StrideEnd::Crossing && t.phase != StridePhase::Record {
-            self.falls += 1;
+        let learning = t.phase != StridePhase::Record;
+        if learning {
+            self.learned += 1;
+            self.falls += usize::from(t.end != StrideEnd::Crossing);
         }
-        let due = self
-            .last_live
-            .is_none_or(|last| last.elapsed() >= LIVE_EVERY);
-        if self.live && due {
-            self.last_live = Some(Instant::now());
-            let what = what.unwrap_or(t.phase.name());
-            output::status(format!(
-                "{what}: stride {} of {}, psi_roll {:+.2} deg, reward {:+.4}, falls {}; {}",
-                self.made,
-                self.expected,
-                t.measures.psi_roll_deg,
-                t.reward,
-                self.falls,
-                self.eta()
-            ));
+        if !self.due() {
+            return;
         }
+        let doing = match (t.phase, what) {
+            (StridePhase::Collect, _) => format!("iteration {}, collecting", t.iteration),
+            (StridePhase::Evaluate, _) => format!("iteration {}, trying the policy", t.iteration),
+            (StridePhase::Record, what) => format!("measuring {}", what.unwrap_or("the policy")),
+        };
+        let count = if learning { self.learned } else { t.k + 1 };
+        output::status(format!(
+            "{doing}: stride {count}, {}, reward {:+.4}; falls {}; {}",
+            self.did(t),
+            t.reward,
+            self.falls,
+            self.eta()
+        ));
     }
 
     fn trial(&mut self, iteration: usize, trial: &TrialSummary) {
-        let due = self
-            .last_live
-            .is_none_or(|last| last.elapsed() >= LIVE_EVERY);
-        if self.live && due {
-            self.last_live = Some(Instant::now());
+        if self.due() {
             output::status(format!(
-                "iteration {iteration}: imagined trial {}, mean reward {:+.4}",
+                "iteration {iteration}, learning in the map: trial {}, mean reward {:+.4}",
                 trial.trial, trial.mean_reward
             ));
         }
     }
 
     fn phase(&mut self, phase: Phase, progress: &Progress) {
-        if self.live {
-            output::clear_status();
-        }
         let n = progress.iterations.len();
+        let last = progress.iterations.last();
+        // After --resume the strides made before count as well.
+        self.learned = progress.transitions.len();
+        self.falls = progress.iterations.iter().map(|i| i.falls + i.stalls).sum();
         match phase {
             Phase::Nominal => {
-                if let Some(p) = progress.nominal {
-                    output::note(format!(
-                        "nominal gait: reward {:+.4}, psi_roll {:.2} deg, {} falls ({})",
-                        p.mean_reward,
-                        p.mean_psi_roll_deg,
-                        p.falls,
-                        self.eta()
-                    ));
+                if let Some(p) = &progress.nominal {
+                    self.keep(format!("nominal gait: {}", Self::measured(p)));
                 }
             }
             Phase::Record => {
-                let record = progress.iterations.last().and_then(|i| i.record);
-                if let Some(p) = record {
-                    output::note(format!(
-                        "iteration {n}: {} strides so far, {} falls; policy: reward {:+.4}, psi_roll \
-                         {:.2} deg ({})",
-                        progress.transitions.len(),
-                        self.falls,
-                        p.mean_reward,
-                        p.mean_psi_roll_deg,
-                        self.eta()
-                    ));
+                self.iterations = n;
+                let (Some(last), Some(p)) = (last, last.and_then(|i| i.record.as_ref())) else {
+                    return;
+                };
+                let proof = last
+                    .proof
+                    .as_ref()
+                    .map_or_else(String::new, |p| format!(", {}", verdict(p.verdict)));
+                self.keep(format!(
+                    "iteration {n}: {} strides and {} falls so far; policy{proof}: {} ({})",
+                    self.learned,
+                    self.falls,
+                    Self::measured(p),
+                    self.eta()
+                ));
+            }
+            Phase::Final => {
+                if let Some(p) = &progress.final_performance {
+                    self.keep(format!("final policy: {}", Self::measured(p)));
                 }
             }
-            Phase::Collect | Phase::Improve | Phase::Evaluate | Phase::Final => {}
+            Phase::Collect | Phase::Improve | Phase::Evaluate => {}
         }
+    }
+}
+
+/// What became of a policy, in a word or two.
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Proven => "proven",
+        Verdict::Slower => "no faster than the best",
+        Verdict::Warned => "turned back by the guard",
+        Verdict::Fell => "which fell",
+        Verdict::Unfinished => "not finished",
     }
 }
 
@@ -169,9 +273,36 @@ impl SeedProgress {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         let elapsed = self.started.elapsed().as_secs_f64();
         let left = elapsed / done as f64 * (self.total - done.min(self.total)) as f64;
-        output::note(format!(
-            "[{done}/{}] {text} (about {left:.0} s left)",
-            self.total
-        ));
+        if std::io::stderr().is_terminal() {
+            output::note(format!(
+                "[{done}/{}] {text} (about {} left)",
+                self.total,
+                duration(left)
+            ));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn expected_strides_follow_the_budget() {
+        // stepping: 20 + 12, then 16 + 12; 30 + 10 for each iteration, 100 + 10 before and after.
+        let task = stridemap_lab::builtin::load("stepping", &[]).unwrap().task;
+        assert_eq!(expected_strides(&task, 0, 0), 60 + 2 * 40 + 2 * 110);
+        // One iteration is done, with 32 strides: the rest is the same.
+        assert_eq!(expected_strides(&task, 1, 32), 60 + 2 * 40 + 2 * 110);
+        // walking: 100 and proofs of 60 up to 300 strides; 60 s, about 109 strides, for each policy.
+        let task = stridemap_lab::builtin::load("walking", &[]).unwrap().task;
+        assert_eq!(expected_strides(&task, 0, 0), 300 + 4 * 109 + 2 * 109);
+    }
+
+    #[test]
+    fn durations_read_as_on_a_clock() {
+        assert_eq!(duration(7.4), "7 s");
+        assert_eq!(duration(125.0), "2 min 05 s");
+        assert_eq!(duration(7260.0), "2 h 01 min");
     }
 }

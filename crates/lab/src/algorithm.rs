@@ -18,6 +18,7 @@ use stridemap_returnmap::{
 };
 
 use crate::error::LabError;
+use crate::guard::GuardWarning;
 use crate::plant::{InPlace, Plant, PlantCounters};
 use crate::poses::{Filming, Pace, Recording};
 use crate::proof::Proof;
@@ -27,10 +28,14 @@ use crate::strides::{
     ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive, make_strides,
 };
 use crate::task::Task;
+use crate::trust::Region;
 use crate::walk::{Walk, Walker};
 
 /// Robot time from a fresh start up to which a time lapse is recorded.
 const LAPSE_S: f64 = 60.0;
+
+/// About the duration of a stride of the nominal gait, for where a film begins.
+const WARM_UP_STRIDE_S: f64 = 0.6;
 
 /// Wall-clock seconds spent, by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -70,6 +75,12 @@ pub struct Iteration {
     /// What became of the policy on the robot; with caution only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
+    /// Where the policy was allowed to lie; with caution only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trust_region: Option<Region>,
+    /// Every warning of the guard, in exploration and proof; with caution only.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<GuardWarning>,
     /// The policy as measured on the robot to report.
     pub record: Option<Performance>,
 }
@@ -232,6 +243,8 @@ pub struct Algorithm<'a> {
     pub(crate) plant: Plant,
     /// What has been achieved so far.
     pub progress: Progress,
+    /// Strides explored under guard in the iteration that begins, and the warnings among them.
+    pub(crate) explored: (usize, Vec<GuardWarning>),
 }
 
 impl<'a> Algorithm<'a> {
@@ -261,6 +274,7 @@ impl<'a> Algorithm<'a> {
             seed,
             plant,
             progress,
+            explored: Default::default(),
         }
     }
 
@@ -437,6 +451,7 @@ impl<'a> Algorithm<'a> {
             stalls: counted.stalls,
             warm_up: counted.warm_up,
             in_place: cautious.then(|| self.plant.in_place()),
+            warnings: std::mem::take(&mut self.explored).1,
             ..Iteration::default()
         });
         recorder.checkpoint(Phase::Collect, &self.progress)
@@ -515,6 +530,8 @@ impl<'a> Algorithm<'a> {
                 written = recorder.trial(iteration, trial);
             }
         };
+        let region = self.task.caution.as_ref().map(|c| self.trust_region(c));
+        let region = region.transpose()?;
         let policy = match (&self.task.caution, map) {
             (Some(caution), map) => self.propose(caution, map, &mut rng, &mut observe)?,
             (None, Some(map)) => {
@@ -541,6 +558,9 @@ impl<'a> Algorithm<'a> {
             }
         };
         written?;
+        if let Some(last) = self.progress.iterations.last_mut() {
+            last.trust_region = region;
+        }
         self.progress.seconds.improve += started.elapsed().as_secs_f64();
         recorder.policy(iteration, &policy)?;
         self.progress.policies.push(policy);
@@ -595,7 +615,9 @@ impl<'a> Algorithm<'a> {
     fn film(&mut self, lapse: bool, film: bool) -> Filming {
         let seconds = self.task.record.pose_seconds;
         let ramps = self.task.gait.ramp_s;
-        let begin_s = ramps.roll[1].max(ramps.pitch[1]);
+        // A start that steps on the spot first is filmed from the end of it.
+        let warm_up_s = WARM_UP_STRIDE_S * self.task.collect.warm_up_strides as f64;
+        let begin_s = ramps.roll[1].max(ramps.pitch[1]) + warm_up_s;
         let takes = [
             (film, Pace::Film, [begin_s, begin_s + seconds]),
             (lapse, Pace::Lapse, [0.0, LAPSE_S]),

@@ -16,6 +16,7 @@ use crate::caution::CautionConfig;
 use crate::controls;
 use crate::error::LabError;
 use crate::feedback::with_feedback;
+use crate::guard::GuardWarning;
 use crate::guarded::GuardedExplorer;
 use crate::pessimism::{CautiousMap, CautiousWorld};
 use crate::plant::{InPlace, PlantCounters};
@@ -129,7 +130,31 @@ impl Algorithm<'_> {
             &mut |t| recorder.stride(t, None),
         );
         self.progress.seconds.simulation += started.elapsed().as_secs_f64();
-        Ok((made?, self.plant.counters().since(before)))
+        let made = made?;
+        let before_these = self.explored.0;
+        let warnings = explorer
+            .warnings()
+            .iter()
+            .map(|(stride, warning)| GuardWarning {
+                stride: before_these + stride,
+                warning: *warning,
+            });
+        self.explored.1.extend(warnings);
+        self.explored.0 += made.len();
+        Ok((made, self.plant.counters().since(before)))
+    }
+
+    /// Where the next policy may lie.
+    pub(crate) fn trust_region(&self, caution: &CautionConfig) -> Result<Region, LabError> {
+        let iteration = self.progress.policies.len() + 1;
+        let limits = self.task.action_limits()?;
+        let explored = tried(self.task, &self.progress.transitions, iteration);
+        Ok(match self.task.learner.kind {
+            LearnerKind::BayesOpt | LearnerKind::CmaEs => {
+                Region::searched(&caution.trust, &limits, &explored)
+            }
+            _ => Region::next(&caution.trust, &limits, &explored, &self.progress.proofs()),
+        })
     }
 
     /// Proposes the next policy within the trust region: found in the map, or by a control without one.
@@ -146,7 +171,7 @@ impl Algorithm<'_> {
         let spec = task.process_spec()?;
         let proofs = progress.proofs();
         let explored = tried(task, &progress.transitions, iteration);
-        let region = Region::next(&caution.trust, &limits, &explored, &proofs);
+        let region = self.trust_region(caution)?;
         let training: Vec<&Transition> = progress
             .transitions
             .iter()
@@ -161,16 +186,14 @@ impl Algorithm<'_> {
             (LearnerKind::Linear, _) => constant(&controls::linear(&region, &training)?),
             (LearnerKind::BayesOpt, _) => {
                 let config = task.controls()?;
-                let all = Region::searched(&caution.trust, &limits, &explored);
                 let unit = &caution.trust.unit;
-                constant(&controls::bayes_opt(config, &all, unit, &proofs, rng)?)
+                constant(&controls::bayes_opt(config, &region, unit, &proofs, rng)?)
             }
             (LearnerKind::CmaEs, _) => {
                 let config = task.controls()?;
-                let all = Region::searched(&caution.trust, &limits, &explored);
                 let unit = &caution.trust.unit;
                 let of = |g: usize| stream(self.seed, Role::RobotSearch, g as u64);
-                constant(&controls::cma_es(config, &all, unit, &proofs, &of)?)
+                constant(&controls::cma_es(config, &region, unit, &proofs, &of)?)
             }
             (LearnerKind::ActorCritic | LearnerKind::Search, None) => {
                 Err(LabError::TooFewStrides {
@@ -267,6 +290,7 @@ impl Algorithm<'_> {
         let mut rng = stream(self.seed, Role::Evaluate, index as u64);
         let mut all: Vec<Transition> = Vec::new();
         let mut attempts = 0;
+        let made_before = self.progress.iterations[index].strides;
         let mut proof;
         loop {
             attempts += 1;
@@ -303,11 +327,16 @@ impl Algorithm<'_> {
             );
             self.progress.seconds.simulation += started.elapsed().as_secs_f64();
             proof = prover.proof();
+            let warned = proof.warning.map(|warning| GuardWarning {
+                stride: made_before + all.len() + proof.strides,
+                warning,
+            });
             let counted = self.plant.counters().since(before);
             let iteration = &mut self.progress.iterations[index];
             iteration.falls += counted.falls;
             iteration.stalls += counted.stalls;
             iteration.warm_up += counted.warm_up;
+            iteration.warnings.extend(warned);
             all.extend(made?);
             let bad = matches!(proof.verdict, Verdict::Warned | Verdict::Fell);
             let enough = self.strides_left() > all.len() + config.trial_strides;

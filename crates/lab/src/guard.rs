@@ -94,6 +94,15 @@ impl GuardThresholds {
     }
 }
 
+/// A warning, and the stride that gave it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GuardWarning {
+    /// Among this iteration's strides on the robot, from 1.
+    pub stride: usize,
+    /// What the guard saw.
+    pub warning: Warning,
+}
+
 /// What the guard saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use stridemap_returnmap::{Action, StrideEnd};
 
-use crate::guard::{Guard, GuardConfig, GuardThresholds};
+use crate::guard::{Guard, GuardConfig, GuardThresholds, Warning};
 use crate::strides::{Act, ActionSource, Actor, Next, Transition};
 
 /// Explores; after a warning asks for an action nearer to the nominal gait.
@@ -15,6 +15,8 @@ pub struct GuardedExplorer<'a> {
     neutral: Vec<f64>,
     back_off_strides: usize,
     backing_off: Option<(usize, Action)>,
+    strides: usize,
+    warnings: Vec<(usize, Warning)>,
 }
 
 impl<'a> GuardedExplorer<'a> {
@@ -40,7 +42,15 @@ impl<'a> GuardedExplorer<'a> {
             neutral,
             back_off_strides,
             backing_off: None,
+            strides: 0,
+            warnings: Vec::new(),
         }
+    }
+
+    /// The strides, from 1, at which the guard warned, and of what.
+    #[must_use]
+    pub fn warnings(&self) -> &[(usize, Warning)] {
+        &self.warnings
     }
 }
 
@@ -55,6 +65,7 @@ impl Act for GuardedExplorer<'_> {
     }
 
     fn saw(&mut self, transition: &Transition) -> Next {
+        self.strides += 1;
         if transition.end != StrideEnd::Crossing {
             (self.guard, self.backing_off) = (None, None);
             return Next::Go;
@@ -65,7 +76,9 @@ impl Act for GuardedExplorer<'_> {
         let guard = self
             .guard
             .get_or_insert_with(|| Guard::new(self.config, thresholds));
-        let warned = guard.watch(&transition.measures).is_some();
+        let warning = guard.watch(&transition.measures);
+        self.warnings.extend(warning.map(|w| (self.strides, w)));
+        let warned = warning.is_some();
         self.backing_off = match self.backing_off.take() {
             Some((left, safe)) if left > 1 => Some((left - 1, safe)),
             Some(_) => None,

@@ -3,10 +3,11 @@
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::Policy;
-use stridemap_returnmap::{AnalysisError, ReturnLine, StrideEnd};
+use stridemap_returnmap::StrideEnd;
 
 use crate::error::LabError;
 use crate::plant::{Plant, Push};
+use crate::return_line::ReturnMapLine;
 use crate::seed::{Role, stream};
 use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, Transition, make_strides};
 
@@ -31,6 +32,8 @@ pub struct PushPair {
     pub k: usize,
     /// `ψ_roll` at the first section after the push.
     pub psi_roll_deg: f64,
+    /// `ψ_roll` one stride later.
+    pub psi_roll_after_1_deg: f64,
     /// `ψ_roll` two strides later.
     pub psi_roll_after_2_deg: f64,
     /// The force, + to the robot's left.
@@ -46,6 +49,9 @@ pub struct PushOutcome {
     pub slope_std_error: Option<f64>,
     /// Where the line meets the diagonal: intercept / (1 − slope).
     pub fixed_point_deg: Option<f64>,
+    /// The return map ψ(k) → ψ(k+1) of the same pushes; null with fewer than three pairs.
+    #[serde(default)]
+    pub after_1: Option<ReturnMapLine>,
     /// Falls, all of them; pairs with a fall in them are left out.
     pub falls: usize,
     /// Pairs behind the line.
@@ -121,24 +127,23 @@ pub fn push(
             (reached(k) && reached(k + 1) && reached(k + 2)).then(|| PushPair {
                 k,
                 psi_roll_deg: psi_deg(k),
+                psi_roll_after_1_deg: psi_deg(k + 1),
                 psi_roll_after_2_deg: psi_deg(k + 2),
                 force_n,
             })
         })
         .collect();
-    let pairs: Vec<(f64, f64)> = data
-        .iter()
-        .map(|p| (p.psi_roll_deg, p.psi_roll_after_2_deg))
-        .collect();
-    let line = match ReturnLine::fit(&pairs) {
-        Ok(line) => Some(line),
-        Err(AnalysisError::TooFewPairs { .. } | AnalysisError::NoSpread { .. }) => None,
-        Err(error) => return Err(LabError::Analysis(error)),
+    let line = |after: fn(&PushPair) -> f64| {
+        let pairs: Vec<(f64, f64)> = data.iter().map(|p| (p.psi_roll_deg, after(p))).collect();
+        ReturnMapLine::fit(&pairs)
     };
+    let after_1 = line(|p| p.psi_roll_after_1_deg)?;
+    let after_2 = line(|p| p.psi_roll_after_2_deg)?;
     Ok(PushOutcome {
-        slope: line.map(|l| l.slope),
-        slope_std_error: line.map(|l| l.slope_std_error),
-        fixed_point_deg: line.and_then(|l| l.fixed_point().ok()),
+        slope: after_2.map(|l| l.slope),
+        slope_std_error: after_2.map(|l| l.slope_std_error),
+        fixed_point_deg: after_2.and_then(|l| l.fixed_point_deg),
+        after_1,
         falls: transitions
             .iter()
             .filter(|t| t.end == StrideEnd::Fell)

@@ -11,6 +11,7 @@ use stridemap_robot::Side;
 use crate::error::LabError;
 use crate::measure::StrideMeasures;
 use crate::plant::Plant;
+use crate::return_line::ReturnMapLine;
 use crate::task::ExploreConfig;
 use crate::walk::Walk;
 
@@ -307,6 +308,13 @@ pub struct Performance {
     /// Speed on the ground, where the task measures it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Walk>,
+    /// Return map k to k + 1 over all strides, the ones left out of the means as well: they show how the
+    /// gait settles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_map_1: Option<ReturnMapLine>,
+    /// Return map k to k + 2, likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_map_2: Option<ReturnMapLine>,
 }
 
 impl Performance {
@@ -347,6 +355,8 @@ impl Performance {
             falls: counted(StrideEnd::Fell),
             stalls: counted(StrideEnd::NoCrossing),
             walk: None,
+            return_map_1: ReturnMapLine::of(transitions, 1),
+            return_map_2: ReturnMapLine::of(transitions, 2),
         }
     }
 }

@@ -26,7 +26,7 @@ pub struct TrustConfig {
 }
 
 /// A box of actions.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Region {
     /// Lowest, per component.
     pub lower: Vec<f64>,

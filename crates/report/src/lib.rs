@@ -28,4 +28,4 @@ pub use error::{ReportError, Result};
 pub use figure::{Figure, HoverPoint, write_aside};
 pub use page::{report_html, write_report};
 pub use report::{Section, comparison, sections, write_figures};
-pub use view::write_mcap;
+pub use view::{RERUN_STREAM, view_lines, write_mcap};

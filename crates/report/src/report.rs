@@ -5,12 +5,13 @@ use std::path::Path;
 use crate::error::{ReportError, Result};
 use crate::figure::Figure;
 use crate::figures::{
-    Fig10, LearningCurves, MapFigure, PolicyFigure, ReturnMap, RunCurve, StateOverStrides,
-    UndisturbedReturnMaps, fig10, learning_curves, map_slices, map_surface, policy,
-    predicted_actual, runs_compared, standardized_residuals, state_over_strides,
+    ActionFigure, ActionIteration, Fig10, LearningCurves, LineFigure, MapFigure, PolicyFigure,
+    ReturnMap, ReturnPair, RunCurve, StateOverStrides, Undisturbed, UndisturbedReturnMaps, actions,
+    fig10, learning_curves, map_lines, map_slices, map_surface, policy, predicted_actual,
+    pushed_one_stride, runs_compared, standardized_residuals, state_over_strides,
     undisturbed_return_maps,
 };
-use crate::run::{Run, StrideEnd, StrideRow};
+use crate::run::{Measured, Pushed, Run, StrideEnd, StrideRow};
 
 /// A part of the report of one run: a question, its figures, and what could not be drawn.
 #[derive(Clone, Debug, Default)]
@@ -83,6 +84,7 @@ fn learned_at_all(run: &Run) -> Section {
             nominal: level(summary.and_then(|s| s.nominal)),
             final_policy: level(summary.and_then(|s| s.final_policy)),
             best,
+            paper: paper_says(run),
         }),
     );
     if let Some(name) = run.columns.state.first() {
@@ -98,7 +100,46 @@ fn learned_at_all(run: &Run) -> Section {
             }),
         );
     }
+    section.draw("Actions", actions(&action_figure(run)));
     section
+}
+
+/// The paper's number for what the task rewards, if it has one.
+fn paper_says(run: &Run) -> Option<String> {
+    match run.reward_quantity().as_deref() {
+        Some("speed_m_s") => Some(
+            "The paper's simulated robot walked at 0.14 m/s (sec. 8.1); here the reward of a stride is its speed in m/s.".to_owned(),
+        ),
+        // Eq. (27) with a target of 2 deg.
+        None if run.target_deg().is_some_and(|t| (t - 2.0).abs() < 1e-9) => Some(
+            "The paper's Fig. 8 ends at about 0 after 15 trials in a map of 20 strides.".to_owned(),
+        ),
+        _ => None,
+    }
+}
+
+fn action_figure(run: &Run) -> ActionFigure {
+    let summary = run.summary.as_ref();
+    let iterations = summary.map(|s| s.iterations.as_slice()).unwrap_or_default();
+    let chosen = summary.and_then(|s| s.final_iteration);
+    ActionFigure {
+        columns: run.columns.clone(),
+        strides: run.transitions.clone(),
+        iterations: iterations
+            .iter()
+            .map(|i| ActionIteration {
+                iteration: i.iteration,
+                region: i.trust_region.clone(),
+                verdict: i.proof.as_ref().map(|p| p.verdict.clone()),
+                warnings: i.warnings.clone(),
+            })
+            .collect(),
+        proven: iterations
+            .iter()
+            .find(|i| Some(i.iteration) == chosen)
+            .and_then(|i| i.proof.as_ref())
+            .map(|p| p.action.clone()),
+    }
 }
 
 fn what_it_learned(run: &Run) -> Section {
@@ -109,15 +150,18 @@ fn what_it_learned(run: &Run) -> Section {
         };
         run.transitions.iter().filter(datum).cloned().collect()
     };
-    match run.policies.split_last() {
+    let chosen = run.summary.as_ref().and_then(|s| s.final_iteration);
+    let policies = run.policies.iter();
+    let of_final = policies.clone().find(|p| Some(p.0) == chosen);
+    match of_final.or(run.policies.last()) {
         None => section.notes.push("The run has no policy yet.".to_owned()),
-        Some(((iteration, grid), earlier)) => section.draw(
+        Some((iteration, grid)) => section.draw(
             "Policy",
             policy(&PolicyFigure {
                 iteration: *iteration,
                 columns: run.columns.clone(),
                 grid: grid.clone(),
-                earlier: earlier.to_vec(),
+                earlier: policies.filter(|p| p.0 != *iteration).cloned().collect(),
                 strides: training(u32::MAX),
             }),
         ),
@@ -135,6 +179,25 @@ fn what_it_learned(run: &Run) -> Section {
             section.draw("Slices of the map", map_slices(&data));
         }
     }
+    let of_final = run.lines.iter().find(|l| Some(l.0) == chosen);
+    if let Some((iteration, grid)) = of_final.or(run.lines.last()) {
+        let summary = run.summary.as_ref();
+        let iterations = summary.map(|s| s.iterations.as_slice()).unwrap_or_default();
+        section.draw(
+            "The map about the policy",
+            map_lines(&LineFigure {
+                iteration: *iteration,
+                columns: run.columns.clone(),
+                grid: grid.clone(),
+                strides: training(*iteration),
+                region: iterations
+                    .iter()
+                    .find(|i| i.iteration == *iteration)
+                    .and_then(|i| i.trust_region.clone()),
+                reward: run.reward_quantity(),
+            }),
+        );
+    }
     section
 }
 
@@ -145,8 +208,13 @@ fn trust(run: &Run) -> Section {
             .notes
             .push("The run has no map yet, so there is nothing to check.".to_owned()),
         Some(map) => {
-            section.draw("Predicted against actual", predicted_actual(map));
-            section.draw("Standardized residuals", standardized_residuals(map));
+            let mut map = map.clone();
+            if let Some(reward) = run.reward_quantity() {
+                let own = map.outputs.iter_mut().filter(|o| o.name == "reward");
+                own.for_each(|o| o.name.clone_from(&reward));
+            }
+            section.draw("Predicted against actual", predicted_actual(&map));
+            section.draw("Standardized residuals", standardized_residuals(&map));
         }
     }
     section
@@ -175,60 +243,96 @@ fn stability(run: &Run) -> Section {
         out
     };
     if let Some(name) = run.columns.state.first() {
-        let runs: Vec<(String, Vec<Vec<f64>>)> =
-            [("nominal", "nominal gait"), ("final", "final policy")]
-                .iter()
-                .map(|(what, name)| ((*name).to_owned(), stretches(what)))
-                .filter(|r| !r.1.is_empty())
-                .collect();
-        let target = run.target_deg().filter(|_| name.starts_with("psi_roll"));
+        let summary = run.summary.as_ref();
+        let lines = |m: Option<Measured>| m.map_or([None; 2], |m| [m.return_map_1, m.return_map_2]);
+        let is_psi = name.starts_with("psi_roll");
+        let runs: Vec<Undisturbed> = [
+            ("nominal", "nominal gait", summary.and_then(|s| s.nominal)),
+            (
+                "final",
+                "final policy",
+                summary.and_then(|s| s.final_policy),
+            ),
+        ]
+        .into_iter()
+        .map(|(what, name, measured)| Undisturbed {
+            name: name.to_owned(),
+            stretches: stretches(what),
+            // The lines are those of psi_roll.
+            lines: lines(measured.filter(|_| is_psi)),
+        })
+        .filter(|r| !r.stretches.is_empty())
+        .collect();
         section.draw(
             "Return maps without pushes",
             undisturbed_return_maps(&UndisturbedReturnMaps {
                 name: name.clone(),
                 runs,
-                target,
+                target: run.target_deg().filter(|_| is_psi),
             }),
         );
     }
-    let maps: Vec<ReturnMap> = [
+    pushed(run, &mut section);
+    section
+}
+
+/// The return maps under pushes, one and two strides on.
+fn pushed(run: &Run, section: &mut Section) {
+    let pushes: Vec<(&str, &Pushed)> = [
         ("nominal gait", &run.push_nominal),
         ("learned policy", &run.push),
     ]
     .into_iter()
-    .filter_map(|(name, push)| {
-        let (pairs, summary) = push.as_ref()?;
-        Some(ReturnMap {
-            name: name.to_owned(),
-            pairs: pairs.clone(),
-            slope: summary.slope,
-            fixed_point_deg: summary.fixed_point_deg,
-            falls: summary.falls,
-        })
-    })
+    .filter_map(|(name, push)| Some((name, push.as_ref()?)))
     .collect();
-    if maps.is_empty() {
-        section.notes.push("The run was not pushed; `stridemap push` on this directory adds the return map under pushes.".to_owned());
-    } else {
-        let setting = run
-            .push
-            .as_ref()
-            .or(run.push_nominal.as_ref())
-            .map(|p| &p.1);
+    let Some(setting) = run.push.as_ref().or(run.push_nominal.as_ref()) else {
+        section.notes.push(
+            "The run was not pushed; `stridemap push` on this directory adds the return map under pushes."
+                .to_owned(),
+        );
+        return;
+    };
+    let figure = |maps: Vec<ReturnMap>| Fig10 {
+        maps,
+        target_deg: run.target_deg(),
+        force_n: setting.summary.force_n,
+        duration_s: setting.summary.duration_s,
+    };
+    let one_on = pushes.iter().filter(|(_, p)| !p.after_1_deg.is_empty());
+    let one_on: Vec<ReturnMap> = one_on
+        .map(|(name, p)| ReturnMap {
+            name: (*name).to_owned(),
+            pairs: p
+                .pairs
+                .iter()
+                .zip(&p.after_1_deg)
+                .map(|(pair, after)| ReturnPair {
+                    psi_roll_after_2_deg: *after,
+                    ..*pair
+                })
+                .collect(),
+            slope: p.summary.after_1.map(|l| l.slope),
+            fixed_point_deg: p.summary.after_1.and_then(|l| l.fixed_point_deg),
+            falls: p.summary.falls,
+        })
+        .collect();
+    if !one_on.is_empty() {
         section.draw(
-            "Return map under pushes",
-            fig10(&Fig10 {
-                maps,
-                target_deg: run.target_deg(),
-                force_n: setting.and_then(|s| s.force_n),
-                duration_s: setting.and_then(|s| s.duration_s),
-            }),
+            "Return map under pushes, one stride on",
+            pushed_one_stride(&figure(one_on)),
         );
     }
-    section
+    let two_on = pushes.iter().map(|(name, p)| ReturnMap {
+        name: (*name).to_owned(),
+        pairs: p.pairs.clone(),
+        slope: p.summary.slope,
+        fixed_point_deg: p.summary.fixed_point_deg,
+        falls: p.summary.falls,
+    });
+    section.draw("Return map under pushes", fig10(&figure(two_on.collect())));
 }
 
-/// The figure that puts several runs on the same axes.
+/// The figure that puts several runs on the same axes, with the spread over them.
 ///
 /// # Errors
 ///
@@ -246,11 +350,25 @@ pub fn comparison(runs: &[Run]) -> Result<Figure> {
                     .iter()
                     .filter_map(|i| Some((i.strides_so_far as f64, i.mean_reward?)))
                     .collect(),
+                final_policy: summary.final_policy.and_then(|p| p.mean_reward),
+                trials: run
+                    .learning
+                    .iter()
+                    .filter(|t| t.world == "map")
+                    .map(|t| t.average_reward)
+                    .collect(),
                 falls: run.falls().0 as u64,
             }
         })
         .collect();
-    runs_compared(&curves)
+    let quantity = runs.first().and_then(Run::reward_quantity);
+    let same = runs.iter().all(|r| r.reward_quantity() == quantity);
+    let name = quantity.filter(|_| same);
+    let name = name.map_or_else(
+        || "mean reward".to_owned(),
+        |q| crate::figures::label(&q, ""),
+    );
+    runs_compared(&curves, &name)
 }
 
 /// Writes the figures of a run as SVG, PNG and CSV, and returns their stems.

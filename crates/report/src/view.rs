@@ -2,15 +2,15 @@
 //!
 //! | topic | schema | one message per |
 //! |---|---|---|
-//! | `/nominal/tf`, `/final/tf` | `foxglove.FrameTransforms` | recorded frame |
+//! | `/nominal/tf`, `/final/tf`, and `/push/tf` where it was pushed | `foxglove.FrameTransforms` | recorded frame |
 //! | `/nominal/robot`, `/final/robot` | `foxglove.SceneUpdate` | recording: the shapes, fixed to their frames |
 //! | `/nominal/feet`, `/final/feet` | `stridemap.Feet` | recorded frame: loads, centre of pressure, push |
 //! | `/nominal/section`, `/final/section` | `stridemap.Section` | stride: state, action, next state, reward |
 //! | `/learning/section` | `stridemap.Section` | training and evaluation stride, with the map's prediction |
 //!
 //! Messages are JSON. Log times are robot times from 0; `/learning/section`, whose strides come from several
-//! starts, counts one second a stride, so that there the time line is the step. Every section also carries its
-//! `step`.
+//! starts, counts one second a stride, so that there the time line is the step. Messages of
+//! our own schemas also carry their `step`: the stride from the start of the recording, or of the run.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 
 use crate::error::{ReportError, Result};
 use crate::figure::write_aside;
-use crate::run::{Pose, Recording, Run, Shape, ShapeKind, StrideRow};
+use crate::run::{Frame, Pose, Recording, Run, Shape, ShapeKind, StrideRow};
 
 /// How far the nominal robot stands beside the final one, so that both can be seen at once.
 const BESIDE_M: f64 = 1.2;
@@ -37,6 +37,8 @@ struct Channel {
 struct Message {
     channel: usize,
     time_s: f64,
+    /// Stride on the robot that it belongs to, from 0.
+    step: usize,
     value: Value,
 }
 
@@ -52,10 +54,15 @@ impl Log {
         self.channels.len() - 1
     }
 
-    fn push(&mut self, channel: usize, time_s: f64, value: Value) {
+    fn push(&mut self, channel: usize, time_s: f64, step: usize, mut value: Value) {
+        // Schemas of others have no place for it.
+        if self.channels[channel].schema.starts_with("stridemap.") {
+            value["step"] = step.into();
+        }
         self.messages.push(Message {
             channel,
             time_s,
+            step,
             value,
         });
     }
@@ -67,9 +74,41 @@ impl Log {
 ///
 /// [`ReportError::Mcap`] if the file cannot be composed, [`ReportError::Io`] if it cannot be written.
 pub fn write_mcap(run: &Run, path: &Path) -> Result<()> {
+    let bytes = compose(messages(run)).map_err(|source| ReportError::Mcap {
+        path: path.to_owned(),
+        reason: source.to_string(),
+    })?;
+    write_aside(path, &bytes)
+}
+
+/// The script that streams a run into Rerun, for a Python that has the `rerun` package. It reads the lines of
+/// [`view_lines`] on its standard input; an argument names a file to write instead of opening the viewer.
+pub const RERUN_STREAM: &str = include_str!("../assets/rerun_stream.py");
+
+/// The messages of [`write_mcap`] in the order of time, one JSON object a line: `topic`, `time_s`, `step` and
+/// `value`.
+#[must_use]
+pub fn view_lines(run: &Run) -> String {
+    let mut log = messages(run);
+    log.messages.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let line = |m: &Message| {
+        json!({
+            "topic": log.channels[m.channel].topic, "time_s": m.time_s, "step": m.step, "value": m.value,
+        })
+        .to_string()
+            + "\n"
+    };
+    log.messages.iter().map(line).collect()
+}
+
+fn messages(run: &Run) -> Log {
     let mut log = Log::default();
     for (what, recording) in &run.recordings {
-        let left_m = if what == "final" { 0.0 } else { BESIDE_M };
+        let left_m = if what.contains("nominal") {
+            BESIDE_M
+        } else {
+            0.0
+        };
         add_recording(&mut log, what, recording, left_m);
         let strides: Vec<&StrideRow> = run.record.iter().filter(|s| s.what == *what).collect();
         let channel = log.channel(format!("/{what}/section"), "stridemap.Section");
@@ -77,22 +116,24 @@ pub fn write_mcap(run: &Run, path: &Path) -> Result<()> {
         for (step, stride) in strides.iter().enumerate() {
             // After a fall the robot's clock begins anew; one time line shows one start.
             if Some(stride.episode) == first_episode {
-                log.push(channel, stride.time_s, section(run, stride, step, None));
+                log.push(channel, stride.time_s, step, section(run, stride, None));
             }
         }
     }
     add_learning(&mut log, run);
-    let bytes = compose(log).map_err(|source| ReportError::Mcap {
-        path: path.to_owned(),
-        reason: source.to_string(),
-    })?;
-    write_aside(path, &bytes)
+    log
 }
 
 fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) {
     let tf = log.channel(format!("/{what}/tf"), "foxglove.FrameTransforms");
     let feet = log.channel(format!("/{what}/feet"), "stridemap.Feet");
+    let torso = recording
+        .shapes
+        .iter()
+        .max_by(|a, b| volume(a).total_cmp(&volume(b)));
+    let mut step = 0;
     for frame in &recording.frames {
+        step += usize::from(frame.crossing);
         let transforms: Vec<Value> = frame
             .poses
             .iter()
@@ -107,14 +148,16 @@ fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) 
                 })
             })
             .collect();
-        log.push(tf, frame.time_s, json!({ "transforms": transforms }));
+        log.push(tf, frame.time_s, step, json!({ "transforms": transforms }));
         log.push(
             feet,
             frame.time_s,
+            step,
             json!({
+                "torso_m": torso.and_then(|s| middle(s, frame)).map(|[x, y, z]| [x, y + left_m, z]),
                 "left_load_n": frame.loads_n[0],
                 "right_load_n": frame.loads_n[1],
-                "centre_of_pressure_m": frame.cop_m,
+                "centre_of_pressure_m": frame.cop_m.map(|[x, y]| [x, y + left_m]),
                 "crossing": frame.crossing,
                 "push_n": frame.push_n,
             }),
@@ -131,8 +174,44 @@ fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) 
     log.push(
         scene,
         begin_s,
+        0,
         json!({ "deletions": [], "entities": entities }),
     );
+}
+
+/// Volume of a shape, cubic metres; the largest one is the torso, where pushes act.
+fn volume(shape: &Shape) -> f64 {
+    use std::f64::consts::PI;
+    match shape.kind {
+        ShapeKind::Box {
+            half_extents_m: [x, y, z],
+        } => 8.0 * x * y * z,
+        ShapeKind::Sphere { radius_m: r } => 4.0 / 3.0 * PI * r.powi(3),
+        ShapeKind::Ellipsoid {
+            semi_axes_m: [x, y, z],
+        } => 4.0 / 3.0 * PI * x * y * z,
+        ShapeKind::Capsule {
+            radius_m: r,
+            half_length_m: h,
+        } => PI * r * r * (2.0 * h + 4.0 / 3.0 * r),
+        ShapeKind::Cylinder {
+            radius_m: r,
+            half_length_m: h,
+        } => 2.0 * PI * r * r * h,
+    }
+}
+
+/// Where the middle of a shape is in a frame: p + v + 2 w (u × v) + 2 u × (u × v) for its body's position p
+/// and orientation (w, u), and its place v in the body.
+fn middle(shape: &Shape, frame: &Frame) -> Option<[f64; 3]> {
+    let [x, y, z, w, a, b, c] = *frame.poses.get(shape.body)?;
+    let cross =
+        |[a, b, c]: [f64; 3], [x, y, z]: [f64; 3]| [b * z - c * y, c * x - a * z, a * y - b * x];
+    let (u, v) = ([a, b, c], shape.pose.position_m);
+    let first = cross(u, v);
+    let second = cross(u, first);
+    let at = |p: f64, i: usize| p + v[i] + 2.0 * (w * first[i] + second[i]);
+    Some([at(x, 0), at(y, 1), at(z, 2)])
 }
 
 /// A shape as a scene entity that moves with its body's frame.
@@ -220,22 +299,17 @@ fn add_learning(log: &mut Log, run: &Run) {
         log.push(
             channel,
             step as f64,
-            section(run, stride, step, predictions),
+            step,
+            section(run, stride, predictions),
         );
     }
 }
 
-fn section(
-    run: &Run,
-    stride: &StrideRow,
-    step: usize,
-    predictions: Option<BTreeMap<String, Value>>,
-) -> Value {
+fn section(run: &Run, stride: &StrideRow, predictions: Option<BTreeMap<String, Value>>) -> Value {
     let named = |names: &[String], values: &[f64]| -> BTreeMap<String, f64> {
         names.iter().cloned().zip(values.iter().copied()).collect()
     };
     json!({
-        "step": step,
         "iteration": stride.iteration,
         "time_s": stride.time_s,
         "stance": stride.stance,
@@ -293,12 +367,13 @@ fn compose(mut log: Log) -> std::result::Result<Vec<u8>, mcap::McapError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::{Columns, Frame, StrideEnd};
+    use crate::run::{Columns, StrideEnd};
 
     fn run() -> Run {
         let stride = |what: &str, time_s: f64| StrideRow {
             what: what.into(),
             iteration: 1,
+            phase: "collect".into(),
             role: "training".into(),
             episode: 0,
             k: 0,
@@ -387,5 +462,33 @@ mod tests {
             0.2
         );
         assert_eq!(topics["/learning/section"][1].1["step"], 1);
+    }
+
+    #[test]
+    fn lines_for_rerun_carry_both_times() {
+        let lines = view_lines(&run());
+        let learning: Vec<Value> = lines
+            .lines()
+            .map(|l| serde_json::from_str(l).unwrap())
+            .filter(|m: &Value| m["topic"] == "/learning/section")
+            .collect();
+        assert_eq!(
+            (&learning[1]["step"], &learning[1]["time_s"]),
+            (&json!(1), &json!(1.0))
+        );
+    }
+
+    #[test]
+    fn a_push_acts_at_the_middle_of_the_turned_torso() {
+        let mut run = run();
+        let (_, recording) = &mut run.recordings[0];
+        recording.shapes[0].pose.position_m = [0.0, 0.0, 0.5];
+        // A quarter turn about x takes z to -y.
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        recording.frames[0].poses[0] = [1.0, 2.0, 3.0, half, half, 0.0, 0.0];
+        let at = middle(&recording.shapes[0], &recording.frames[0]).unwrap();
+        for (found, wanted) in at.iter().zip([1.0, 1.5, 3.0]) {
+            assert!((found - wanted).abs() < 1e-12, "{at:?}");
+        }
     }
 }

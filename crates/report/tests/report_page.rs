@@ -151,6 +151,15 @@ fn runs_stand_side_by_side() {
 }
 
 #[test]
+fn many_runs_share_a_page_that_stays_small() {
+    let runs: Vec<Run> = (1..=6).map(|seed| run(seed, Faults::default())).collect();
+    let html = report_html(&runs).unwrap();
+    assert!(html.contains("<figure id=\"all-runs\"") && !html.contains("<figure id=\"r0-"));
+    assert!(html.contains("report.html") && html.contains("Of the first of the 6 runs."));
+    assert!(html.len() < 1_000_000, "{} bytes", html.len());
+}
+
+#[test]
 fn an_empty_directory_gives_a_page_that_says_so() {
     let dir = tempfile::tempdir().unwrap();
     let html = report_html(&[Run::read(dir.path()).unwrap()]).unwrap();

@@ -167,7 +167,9 @@ fn several_runs_share_their_axes() {
         .collect();
     let figure = comparison(&runs).unwrap();
     assert!(figure.caption.contains("(n = 3 runs), 1 fall while"));
-    assert_eq!(figure.csv.lines().count(), 1 + 3 * 5);
+    // Five points and 240 trials of each run, and five medians with their quartiles.
+    assert_eq!(figure.csv.lines().count(), 1 + 3 * (5 + 240) + 5);
+    assert!(figure.caption.contains("Thick line: median over the runs"));
     figure
         .write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery"))
         .unwrap();
@@ -282,4 +284,128 @@ fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
             ..
         })
     ));
+}
+
+#[test]
+fn the_spread_over_seeds_is_that_of_the_textbook() {
+    let curve = |name: &str, last: f64| RunCurve {
+        name: name.into(),
+        nominal: Some(-0.1),
+        iterations: vec![(20.0, last)],
+        ..RunCurve::default()
+    };
+    let runs = [curve("a", -0.01), curve("b", -0.02), curve("c", -0.04)];
+    let figure = runs_compared(&runs, "mean reward").unwrap();
+    // Quartiles of three values lie half-way to the median.
+    assert!(
+        figure
+            .csv
+            .contains("median,robot,20,-0.02,-0.03,-0.015,3\n"),
+        "{}",
+        figure.csv
+    );
+    // Two runs have no spread.
+    let two = runs_compared(&runs[..2], "mean reward").unwrap();
+    assert!(!two.csv.contains("median") && !two.caption.contains("median"));
+    assert!(runs_compared(&[], "mean reward").is_err());
+}
+
+#[test]
+fn actions_show_the_trust_region_and_the_warnings_of_the_guard() {
+    let (_dir, run) = run(Faults {
+        fall: true,
+        ..Faults::default()
+    });
+    let mut strides = run.transitions.clone();
+    strides[50].phase = "evaluate".into();
+    let known = ActionIteration {
+        iteration: 3,
+        region: Some(run::Region {
+            lower: vec![0.5],
+            upper: vec![2.5],
+        }),
+        verdict: Some("warned".into()),
+        warnings: vec![run::Warning {
+            stride: 11,
+            warning: "turn".into(),
+        }],
+    };
+    let figure = actions(&ActionFigure {
+        columns: run.columns.clone(),
+        strides,
+        iterations: vec![known],
+        proven: Some(vec![2.0]),
+    })
+    .unwrap();
+    assert!(
+        figure.caption.contains("(the robot turns, once)"),
+        "{}",
+        figure.caption
+    );
+    assert!(figure.caption.contains("3 turned back by the guard"));
+    // Stride 51 of the run is the 11th of the third iteration; only strides that try a policy have a region.
+    let row = figure.csv.lines().nth(51).unwrap();
+    assert!(
+        row.starts_with("51,3,evaluate,") && row.ends_with(",0.5,2.5,turn,crossing"),
+        "{row}"
+    );
+    assert!(
+        figure
+            .csv
+            .lines()
+            .nth(50)
+            .unwrap()
+            .ends_with(",,,,crossing")
+    );
+    let empty = ActionFigure {
+        columns: run.columns,
+        ..ActionFigure::default()
+    };
+    assert!(matches!(actions(&empty), Err(ReportError::Empty { .. })));
+}
+
+#[test]
+fn return_maps_without_pushes_tell_slope_and_fixed_point() {
+    let line = run::ReturnLine {
+        slope: 0.5,
+        slope_std_error: 0.1,
+        fixed_point_deg: Some(2.0),
+        pairs: 2,
+    };
+    let figure = undisturbed_return_maps(&UndisturbedReturnMaps {
+        name: "psi_roll_deg".into(),
+        runs: vec![Undisturbed {
+            name: "final policy".into(),
+            stretches: vec![vec![4.0, 3.0, 2.5], vec![9.0]],
+            lines: [Some(line), None],
+        }],
+        target: Some(2.0),
+    })
+    .unwrap();
+    assert!(figure.caption.contains(
+        "final policy to k + 1: slope 0.50 ± 0.10, fixed point 2.00 deg (n = 2 pairs); final policy to k + 2: no line (n = 1 pairs)"
+    ));
+    // A fall parts the stretches: no pair reaches over it.
+    assert_eq!(figure.csv.lines().count(), 1 + 2 + 1);
+}
+
+#[test]
+fn cuts_through_a_map_stand_at_the_policy() {
+    let (_dir, run) = run(Faults::default());
+    let sections = sections(&run);
+    let lines = figure(&sections, "map-lines");
+    assert!(
+        lines
+            .caption
+            .contains("uprights: ψ_roll 2.20 deg, A_step 1.90 deg"),
+        "{}",
+        lines.caption
+    );
+    assert_eq!(lines.csv.lines().count(), 1 + 2 * 41);
+    let one_on = figure(&sections, "push-1");
+    assert!(
+        one_on
+            .caption
+            .contains("one stride later, on the other leg")
+    );
 }

@@ -1,14 +1,15 @@
 //! Applying a policy without learning: `evaluate`, `run`, `push`.
 
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Algorithm, Batch, LabError, Performance, Proof, PushConfig, PushOutcome,
-    StridePhase, StrideRole, Task, Transition, Walk, Walker, analyse as analyse_run, builtin,
-    drive, make_strides, push as push_plant,
+    ActionSource, Algorithm, Batch, LabError, Performance, Plant, PoseRecorder, Proof, PushConfig,
+    PushOutcome, Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker,
+    analyse as analyse_run, builtin, drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
@@ -263,13 +264,32 @@ pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Films the robot while it is pushed, for the replay: as long as the run's other recordings, from when
+/// the pushes begin.
+fn film(plant: &mut Plant, task: &Task) -> Option<Arc<Mutex<Recording>>> {
+    /// Time between frames, as in the run's own recordings.
+    const FRAME_PERIOD_S: f64 = 0.02;
+    /// The first ten strides are not pushed; the film begins with the last of them.
+    const SETTLE_S: f64 = 5.0;
+    if task.record.pose_seconds <= 0.0 {
+        return None;
+    }
+    let ramp = &task.gait.ramp_s;
+    let begin_s = ramp.roll[1].max(ramp.pitch[1]) + SETTLE_S;
+    let end_s = begin_s + task.record.pose_seconds;
+    let (observer, recording) = PoseRecorder::new(plant.robot(), FRAME_PERIOD_S, begin_s, end_s);
+    plant.observe(Some(Box::new(observer)));
+    Some(recording)
+}
+
 /// Pairs of a push experiment as CSV.
 pub fn push_table(outcome: &PushOutcome) -> String {
-    let mut text = String::from("k,psi_roll_deg,psi_roll_after_2_deg,force_n\n");
+    let mut text =
+        String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
     for p in &outcome.data {
         text += &format!(
-            "{},{},{},{}\n",
-            p.k, p.psi_roll_deg, p.psi_roll_after_2_deg, p.force_n
+            "{},{},{},{},{}\n",
+            p.k, p.psi_roll_deg, p.psi_roll_after_1_deg, p.psi_roll_after_2_deg, p.force_n
         );
     }
     text
@@ -291,9 +311,12 @@ pub fn push(
     }
     let (task, policy) = task_and_policy(path, nominal, common)?;
     let mut plant = plant(&task, common, &Answers::default(), None)?;
-    let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
     // Pushes of another robot than the run's own are not part of the run.
     let into_run = common.sets.is_empty().then_some(path);
+    let film = film(&mut plant, &task);
+    let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
+    plant.observe(None);
+    let film = film.and_then(|f| Arc::into_inner(f)?.into_inner().ok());
     if let Some(dir) = out.or(into_run) {
         files::create_dir(dir)?;
         let stem = if nominal { "push-nominal" } else { "push" };
@@ -302,6 +325,11 @@ pub fn push(
             push_table(&outcome).as_bytes(),
         )?;
         files::write_json(&dir.join(format!("{stem}.json")), &outcome)?;
+        if let Some(film) = film.filter(|f| !f.frames.is_empty()) {
+            files::create_dir(&dir.join("poses"))?;
+            let text = serde_json::to_vec(&film)?;
+            files::write_whole(&dir.join(format!("poses/{stem}.json")), &text)?;
+        }
         output::note(format!(
             "wrote {stem}.csv and {stem}.json into {0}; `stridemap report {0}` shows them",
             dir.display()

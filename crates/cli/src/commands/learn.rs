@@ -265,14 +265,9 @@ fn over_seeds(
             seed,
             ..common.clone()
         };
-        let result = start(
-            name,
-            loaded,
-            &path_of(seed),
-            &common,
-            &stop,
-            Box::new(NoWatcher),
-        );
+        let path = path_of(seed);
+        let result = start(name, loaded, &path, &common, &stop, Box::new(NoWatcher))
+            .and_then(|summary| super::report::draw(&path).map(|_| summary));
         match &result {
             Ok(s) => progress.done(&format!(
                 "seed {seed}: reward {:+.4}",
@@ -287,6 +282,11 @@ fn over_seeds(
         .into_iter()
         .collect::<Result<Vec<Summary>, Failure>>()?;
     let summary = sum_up(task, runs);
+    let paths: Vec<PathBuf> = seeds.iter().map(|&seed| path_of(seed)).collect();
+    let last = common.seed + count - 1;
+    let own = format!("{}-seeds-{}-to-{last}", task.name, common.seed);
+    let dir = out.map_or_else(|| PathBuf::from("runs").join(&own), |dir| dir.join(&own));
+    let page = super::report::draw_seeds(&paths, &dir)?;
     if common.json {
         return output::json(&summary);
     }
@@ -316,6 +316,7 @@ fn over_seeds(
             at.median_mean_reward
         ));
     }
+    output::line(format!("  {}", page.display()));
     Ok(())
 }
 

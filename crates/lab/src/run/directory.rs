@@ -74,6 +74,8 @@ pub struct RunDirectory {
     events: Log,
     stop: Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
+    /// The map just fitted, until the policy that comes of it is known.
+    fitted: Option<(usize, LearnedMap)>,
 }
 
 const LEARNING_HEADER: &str = "iteration,trial,world,average_reward,falls,strides";
@@ -152,6 +154,7 @@ impl RunDirectory {
             table,
             stop,
             watcher,
+            fitted: None,
         })
     }
 
@@ -249,11 +252,8 @@ impl Recorder for RunDirectory {
             &self.path.join(format!("map/{iteration}.json")),
             &map.to_saved(iteration)?,
         )?;
-        let table = grid::map_table(map)?;
-        write_whole(
-            &self.path.join(format!("figures/data/map-{iteration}.csv")),
-            table.as_bytes(),
-        )
+        self.fitted = Some((iteration, map.clone()));
+        Ok(())
     }
 
     fn trial(&mut self, iteration: usize, trial: &TrialSummary) -> Result<(), LabError> {
@@ -267,6 +267,12 @@ impl Recorder for RunDirectory {
 
     fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError> {
         write_json(&self.path.join(format!("policy/{iteration}.json")), policy)?;
+        // For figures the map is cut where the policy is, so only now.
+        if let Some((of, map)) = self.fitted.take().filter(|(of, _)| *of == iteration) {
+            let data = |name: &str| self.path.join(format!("figures/data/{name}-{of}.csv"));
+            write_whole(&data("map"), grid::map_table(&map, policy)?.as_bytes())?;
+            write_whole(&data("lines"), grid::line_table(&map, policy)?.as_bytes())?;
+        }
         let table = grid::policy_table(policy, &self.task.map.start_range);
         write_whole(
             &self

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use stridemap_learn::{Policy, SavedPolicy};
-use stridemap_returnmap::LearnedMap;
+use stridemap_returnmap::{LearnedMap, StrideProcess};
 
 use crate::error::LabError;
 
@@ -23,10 +23,16 @@ fn widened([low, high]: [f64; 2]) -> [f64; 2] {
     [low - margin, high + margin]
 }
 
+/// The middle one of some values, the upper of two; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
 /// A policy along each component of the state, the others in the middle of their range.
 ///
 /// Columns: the component that varies (`along`, its index), the state, mean and standard deviation of
-/// each action.
+/// each action, and the value function where the learner kept one.
 #[must_use]
 pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
     let spec = policy.spec();
@@ -36,6 +42,14 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
     }
     for d in &spec.action {
         let _ = write!(text, ",mean_{0},std_{0}", d.name);
+    }
+    // The critic's value, if the policy has one: constants and feedback have none.
+    let critic = match policy {
+        SavedPolicy::GaussianNetwork(network) => Some(network),
+        _ => None,
+    };
+    if critic.is_some() {
+        text.push_str(",value");
     }
     text.push('\n');
     let middle: Vec<f64> = ranges
@@ -54,14 +68,63 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
             for (mean, std) in policy.mean(&state).iter().zip(policy.std(&state)) {
                 let _ = write!(text, ",{mean},{std}");
             }
+            if let Some(network) = critic {
+                let _ = write!(text, ",{}", network.value(&state));
+            }
             text.push('\n');
         }
     }
     text
 }
 
-/// A map over a plane of one component of the state and one of the action; the others at the middle of
-/// the data, the last action equal to the action.
+/// Where figures cut through a map: the ranges of its data, and a state and an action in them.
+struct Cut {
+    states: Vec<[f64; 2]>,
+    actions: Vec<[f64; 2]>,
+    state: Vec<f64>,
+    action: Vec<f64>,
+}
+
+impl Cut {
+    /// The state to which the map settles under the policy's mean (from the median of the data, kept within
+    /// the data), and the action there.
+    fn through(map: &LearnedMap, policy: &SavedPolicy) -> Result<Self, LabError> {
+        /// Long enough for multipliers up to about 0.9.
+        const STRIDES: usize = 40;
+        let (spec, samples) = (map.spec(), map.samples());
+        let span = |value: &dyn Fn(usize) -> f64| {
+            let all = (0..samples.len()).map(value);
+            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
+                [l.min(v), h.max(v)]
+            })
+        };
+        let states: Vec<[f64; 2]> = (0..spec.state.len())
+            .map(|d| span(&|i| samples[i].state[d]))
+            .collect();
+        let actions: Vec<[f64; 2]> = (0..spec.action.len())
+            .map(|d| span(&|i| samples[i].action[d]))
+            .collect();
+        let mut state: Vec<f64> = (0..spec.state.len())
+            .map(|d| median(samples.iter().map(|s| s.state[d]).collect()))
+            .collect();
+        for _ in 0..STRIDES {
+            let action = policy.mean(&state);
+            let (next, _) = map.predict(&state, &action, &action)?;
+            for ((x, to), [low, high]) in state.iter_mut().zip(next).zip(&states) {
+                *x = to.clamp(*low, *high);
+            }
+        }
+        Ok(Self {
+            states: states.into_iter().map(widened).collect(),
+            actions: actions.into_iter().map(widened).collect(),
+            action: policy.mean(&state).to_vec(),
+            state,
+        })
+    }
+}
+
+/// A map over planes of one component of the state and one of the action; the other components where the
+/// map settles under the policy, the last action equal to the action.
 ///
 /// Columns: indices of the two components (`state_axis`, `action_axis`), state, action, and for each
 /// output the mean, the standard deviation of the latent function and that of the noise.
@@ -69,29 +132,9 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
 /// # Errors
 ///
 /// [`LabError::Process`] if the map cannot be evaluated.
-pub fn map_table(map: &LearnedMap) -> Result<String, LabError> {
-    use stridemap_returnmap::StrideProcess;
+pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, LabError> {
     let spec = map.spec();
-    let samples = map.samples();
-    let span = |value: &dyn Fn(usize) -> f64| {
-        let all = (0..samples.len()).map(value);
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
-            [l.min(v), h.max(v)]
-        })
-    };
-    let states: Vec<[f64; 2]> = (0..spec.state.len())
-        .map(|d| widened(span(&|i| samples[i].state[d])))
-        .collect();
-    let actions: Vec<[f64; 2]> = (0..spec.action.len())
-        .map(|d| widened(span(&|i| samples[i].action[d])))
-        .collect();
-    let middle = |ranges: &[[f64; 2]]| -> Vec<f64> {
-        ranges
-            .iter()
-            .map(|[low, high]| 0.5 * (low + high))
-            .collect()
-    };
-
+    let cut = Cut::through(map, policy)?;
     let mut text = String::from("state_axis,action_axis");
     for d in &spec.state {
         let _ = write!(text, ",{}", d.name);
@@ -103,11 +146,11 @@ pub fn map_table(map: &LearnedMap) -> Result<String, LabError> {
         let _ = write!(text, ",mean_{0},latent_std_{0},noise_std_{0}", d.name);
     }
     text.push('\n');
-    for (i, state_range) in states.iter().enumerate() {
-        for (j, action_range) in actions.iter().enumerate() {
+    for (i, state_range) in cut.states.iter().enumerate() {
+        for (j, action_range) in cut.actions.iter().enumerate() {
             for x in axis(state_range[0], state_range[1], PLANE) {
                 for u in axis(action_range[0], action_range[1], PLANE) {
-                    let (mut state, mut action) = (middle(&states), middle(&actions));
+                    let (mut state, mut action) = (cut.state.clone(), cut.action.clone());
                     state[i] = x;
                     action[j] = u;
                     let (means, variances) = map.predict(&state, &action, &action)?;
@@ -122,6 +165,59 @@ pub fn map_table(map: &LearnedMap) -> Result<String, LabError> {
                     text.push('\n');
                 }
             }
+        }
+    }
+    Ok(text)
+}
+
+/// A map along each of its inputs in turn, through the point at which it settles under a policy; the last
+/// action equal to the action.
+///
+/// Columns: the input that varies (`along`: states first, then actions), state, action, and for each
+/// output, the reward's last where it has its own, the mean, the standard deviation of the latent function
+/// and that of the noise.
+///
+/// # Errors
+///
+/// [`LabError::Process`] if the map cannot be evaluated.
+pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, LabError> {
+    let spec = map.spec();
+    let cut = Cut::through(map, policy)?;
+    let outputs: Vec<_> = map.outputs().iter().chain(map.reward_output()).collect();
+    let names = spec.state.iter().map(|d| d.name.as_str());
+    let mut text = String::from("along");
+    for d in &spec.state {
+        let _ = write!(text, ",{}", d.name);
+    }
+    for d in &spec.action {
+        let _ = write!(text, ",{}", d.name);
+    }
+    for name in names.chain(["reward"]).take(outputs.len()) {
+        let _ = write!(text, ",mean_{name},latent_std_{name},noise_std_{name}");
+    }
+    text.push('\n');
+    for (along, [low, high]) in cut.states.iter().chain(&cut.actions).enumerate() {
+        for value in axis(*low, *high, LINE) {
+            let (mut state, mut action) = (cut.state.clone(), cut.action.clone());
+            match along.checked_sub(state.len()) {
+                None => state[along] = value,
+                Some(j) => action[j] = value,
+            }
+            let p = map.predict_all(&state, &action, &action)?;
+            let _ = write!(text, "{along}");
+            for value in state.iter().chain(&action) {
+                let _ = write!(text, ",{value}");
+            }
+            let predicted = p
+                .means
+                .iter()
+                .copied()
+                .zip(p.latent_variances.iter().copied());
+            for ((mean, variance), gp) in predicted.chain(p.reward).zip(&outputs) {
+                let noise = gp.hyperparameters().noise_variance;
+                let _ = write!(text, ",{mean},{},{}", variance.sqrt(), noise.sqrt());
+            }
+            text.push('\n');
         }
     }
     Ok(text)

@@ -3,9 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::algorithm::{Progress, Seconds};
+use crate::guard::GuardWarning;
 use crate::proof::Proof;
 use crate::strides::{Performance, StrideRole};
 use crate::task::Task;
+use crate::trust::Region;
 
 /// Strides made on the robot, by what they were for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,6 +53,12 @@ pub struct IterationSummary {
     /// What became of the policy on the robot before; left out without caution.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proof: Option<Proof>,
+    /// Where the policy was allowed to lie; left out without caution.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trust_region: Option<Region>,
+    /// Every warning of the guard; left out without one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<GuardWarning>,
 }
 
 /// A measured policy.
@@ -138,6 +146,8 @@ impl Summary {
                     speed_m_s: i.record.and_then(|p| p.walk).map(|w| w.speed_m_s),
                     upright_s: i.record.and_then(|p| p.walk).map(|w| w.upright_s),
                     proof: i.proof.clone(),
+                    trust_region: i.trust_region.clone(),
+                    warnings: i.warnings.clone(),
                 }
             })
             .collect();

@@ -64,18 +64,25 @@
     let peak = 1;
     for (const l of rec.loads) peak = Math.max(peak, l);
     rec.peak = peak;
-    // The feet: the two bodies that carry the lowest shapes at first; the left one has the larger y.
-    const first = pose(rec, 0), low = new Map();
-    for (const s of rec.shapes) {
-      const b = first[s.body];
-      for (const p of s.v) {
-        const q = add(turn(b.m, p), b.p);
-        if (!low.has(s.body) || q[2] < low.get(s.body)) low.set(s.body, q[2]);
+    // The feet: the two bodies that come lowest at any time (each foot is in the air at some time); the left
+    // one has the larger y at first.
+    const first = pose(rec, 0), low = new Map(), looks = Math.min(rec.count, 60);
+    for (let i = 0; i < looks; i++) {
+      const bodies = i ? pose(rec, rec.span * i / (looks - 1)) : first;
+      for (const s of rec.shapes) {
+        const b = bodies[s.body];
+        for (const p of s.v) {
+          const q = add(turn(b.m, p), b.p);
+          if (!low.has(s.body) || q[2] < low.get(s.body)) low.set(s.body, q[2]);
+        }
       }
     }
     const feet = [...low].sort((a, b) => a[1] - b[1]).slice(0, 2).map((e) => e[0]);
     feet.sort((a, b) => first[b].p[1] - first[a].p[1]);
     rec.feet = feet;
+    // The torso is the largest piece; pushes act there.
+    const volume = (s) => [0, 1, 2].reduce((v, c) => v * (Math.max(...s.v.map((p) => p[c])) - Math.min(...s.v.map((p) => p[c]))), 1);
+    rec.torso = rec.shapes.reduce((best, s, i) => (volume(s) > volume(rec.shapes[best]) ? i : best), 0);
     return rec;
   };
 
@@ -155,7 +162,9 @@
       g.clearRect(0, 0, w, h);
       const t = Math.min(time, rec.span), bodies = pose(rec, t), size = rec.size;
       const k = Math.max(0, Math.min(rec.count - 1, Math.round(t / (rec.period || 1))));
-      const target = [bodies[0].p[0], bodies[0].p[1], 0.47 * size];
+      // The camera goes with the torso: the first body may be the world.
+      const centre = rec.shapes.length ? bodies[rec.shapes[rec.torso].body].p : bodies[0].p;
+      const target = [centre[0], centre[1], 0.47 * size];
       const ca = Math.cos(this.azimuth), sa = Math.sin(this.azimuth), ce = Math.cos(this.elevation), se = Math.sin(this.elevation);
       const far = 3.1 * size / this.zoom;
       const eye = add(target, [-far * ca * ce, -far * sa * ce, far * se]);
@@ -214,7 +223,10 @@
         g.stroke();
       }
       const push = rec.pushes.find((q) => q[0] === k);
-      if (push) this.arrow(g, project, add(bodies[0].p, [0, 0, 0.2 * size]), push.slice(1), size, color);
+      if (push && world.length) {
+        const v = world[rec.torso], middle = [0, 1, 2].map((c) => v.reduce((s, p) => s + p[c], 0) / v.length);
+        this.arrow(g, project, middle, push.slice(1), size, color);
+      }
       let steps = 0;
       for (const c of rec.crossings) if (c <= k) steps++;
       canvas.dataset.time = t.toFixed(3);

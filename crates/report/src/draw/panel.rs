@@ -43,6 +43,8 @@ pub(crate) enum Mark {
     Diamond,
     /// An x.
     Cross,
+    /// A filled triangle, point down.
+    Triangle,
 }
 
 /// What a legend entry shows.
@@ -96,6 +98,13 @@ pub(crate) fn mark_svg(class: &str, mark: Mark, x: f64, y: f64, r: f64) -> Strin
             coord(y - 1.25 * r),
             coord(x + 1.25 * r),
             coord(y + 1.25 * r)
+        ),
+        Mark::Triangle => format!(
+            "<path class=\"{fill} sbg\" stroke-width=\"0.8\" d=\"M{} {}H{}L{cx} {}Z\"/>",
+            coord(x - 1.1 * r),
+            coord(y - r),
+            coord(x + 1.1 * r),
+            coord(y + r)
         ),
         Mark::Cross => format!(
             "<path class=\"l {class}\" stroke-width=\"2\" d=\"M{0} {1}L{2} {3}M{0} {3}L{2} {1}\"/>",

@@ -211,7 +211,7 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
         data.iteration,
         plain(&label(state, "")),
         if data.columns.state.len() + data.columns.action.len() > 2 {
-            ", the other components in the middle of the data"
+            ", everything else held where the map settles under the policy found in it"
         } else {
             ""
         },
@@ -357,13 +357,24 @@ pub fn map_slices(data: &MapFigure) -> Result<Figure> {
             sheet.add(p);
         }
     }
+    let several = data.columns.state.len() + data.columns.action.len() > 2;
     let caption = format!(
-        "Slices of the map of iteration {} at three values of {}: predicted state after a stride over the state before it, mean (line) \
-         and ±2 standard deviations of the prediction, noise included (band). Points: n = {} strides on the robot, each in the slice \
-         whose action is nearest to its own.",
+        "Slices of the map of iteration {} at three values of {}{}: predicted state after a stride over the state before it, mean \
+         (line) and ±2 standard deviations of the prediction, noise included (band). Points: n = {} strides on the robot, each in \
+         the slice whose action is nearest to its own{}.",
         data.iteration,
         plain(&label(action_name, "")),
-        data.strides.len()
+        if several {
+            ", everything else held where the map settles under the policy found in it"
+        } else {
+            ""
+        },
+        data.strides.len(),
+        if several {
+            "; in the other components they lie anywhere, so they need not lie in the band"
+        } else {
+            ""
+        }
     );
     let alt = format!(
         "Slices of the learned map of {} over the state with bands of two standard deviations and the data.",

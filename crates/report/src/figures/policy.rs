@@ -37,7 +37,7 @@ pub struct PolicyFigure {
     pub columns: Columns,
     /// The policy.
     pub grid: PolicyGrid,
-    /// An earlier policy, drawn thin, with its iteration.
+    /// Policies of other iterations, drawn thin, with their iteration.
     pub earlier: Vec<(u32, PolicyGrid)>,
     /// Strides whose states make the rug.
     pub strides: Vec<StrideRow>,
@@ -71,8 +71,15 @@ pub fn policy(data: &PolicyFigure) -> Result<Figure> {
     check_policy(stem, data)?;
     let (states, actions) = (data.grid.state.len(), data.grid.mean.len());
     let mut sheet = Sheet::new(stem, "The policy over the state");
-    let height = if states * actions == 1 { 260.0 } else { 150.0 };
-    for action in 0..actions {
+    let drawn: Vec<usize> = (0..actions).filter(|a| varies(&data.grid, *a)).collect();
+    // A policy of constants is still worth one panel.
+    let drawn = if drawn.is_empty() { vec![0] } else { drawn };
+    let height = if states * drawn.len() == 1 {
+        260.0
+    } else {
+        150.0
+    };
+    for action in drawn.iter().copied() {
         let y = action_axis(data, action);
         let specs = (0..states)
             .map(|s| {
@@ -122,20 +129,54 @@ pub fn policy(data: &PolicyFigure) -> Result<Figure> {
             sheet.add(p);
         }
     }
-    let caption = format!(
-        "Policy of iteration {}: mean action (line) and one standard deviation of its exploration (band) over the state{}. Ticks \
-         along the bottom: states of n = {} strides on the robot while learning; where there are few, the policy is not determined. \
-         Diamonds: centres of the {} basis functions. Thin lines: policies of earlier iterations. The paper's policies have 3 to 5 \
-         basis functions.",
+    let held: Vec<String> = (0..actions)
+        .filter(|a| !drawn.contains(a))
+        .filter_map(|a| {
+            let (name, unit) = quantity(&data.columns.action[a]);
+            Some(format!(
+                "{} {} {unit}",
+                plain(&name),
+                signed(*data.grid.mean[a].first()?, 2)
+            ))
+        })
+        .collect();
+    let explores = data.grid.std.iter().flatten().any(|s| *s > 0.0);
+    let mut caption = format!(
+        "Policy of iteration {}: mean action (line){} over the state{}. Ticks along the bottom: states of n = {} strides on the \
+         robot while learning; where there are few, the policy is not determined.",
         data.iteration,
-        if states > 1 {
-            ", the other components held"
+        if explores {
+            " and one standard deviation of its exploration (band)"
         } else {
             ""
         },
-        data.strides.len(),
-        data.grid.centres.len()
+        if states > 1 {
+            ", the other components held in the middle of the range from which imagined episodes start"
+        } else {
+            ""
+        },
+        data.strides.len()
     );
+    if !held.is_empty() {
+        caption.push_str(&format!(
+            " The same in every state, and not drawn: {}.",
+            held.join(", ")
+        ));
+    }
+    if !data.grid.centres.is_empty() {
+        caption.push_str(&format!(
+            " Diamonds: centres of the {} basis functions; the paper's policies have 3 to 5.",
+            data.grid.centres.len()
+        ));
+    }
+    if !data.earlier.is_empty() {
+        caption.push_str(" Thin lines: policies of the other iterations.");
+    }
+    caption.push_str(if data.grid.value.is_some() {
+        " Below: the critic's value function, the discounted sum of rewards that it expects from a state, where learning ended."
+    } else {
+        " This learner keeps no value function."
+    });
     let mut header: Vec<String> = vec!["along".to_owned()];
     header.extend(data.columns.state.iter().cloned());
     header.extend(
@@ -179,6 +220,12 @@ pub fn policy(data: &PolicyFigure) -> Result<Figure> {
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
+/// Whether a component of the action depends on the state, or is drawn at random.
+fn varies(grid: &PolicyGrid, action: usize) -> bool {
+    let (lo, hi) = extent(grid.mean[action].iter().copied());
+    hi - lo > 1e-9 || grid.std[action].iter().any(|s| *s > 0.0)
+}
+
 /// Rows of the grid that belong to the line along a component.
 fn line(grid: &PolicyGrid, along: usize) -> Vec<usize> {
     (0..grid.along.len())
@@ -218,7 +265,11 @@ fn policy_panel(p: &mut Panel, data: &PolicyFigure, state: usize, action: usize)
             .map(|q| q.1)
             .collect::<Vec<f64>>()
     };
-    p.band(&x, &edge(-1.0), &edge(1.0), "s0", 0.18);
+    let explores = data.grid.std[action].iter().any(|s| *s > 0.0);
+    if explores {
+        p.band(&x, &edge(-1.0), &edge(1.0), "s0", 0.18);
+        p.key("± 1 sd (exploration)", Key::Band("s0", 0.2));
+    }
     for (_, earlier) in &data.earlier {
         p.line(&curve(earlier, 0.0), "ref", Dash::Solid, 0.9);
     }
@@ -257,9 +308,8 @@ fn policy_panel(p: &mut Panel, data: &PolicyFigure, state: usize, action: usize)
         .collect();
     p.marks(&centres, "s4", Mark::Diamond, 3.6);
     p.key("mean action", Key::Line("s0", Dash::Solid));
-    p.key("± 1 sd (exploration)", Key::Band("s0", 0.2));
     if !data.earlier.is_empty() {
-        p.key("earlier iterations", Key::Line("ref", Dash::Solid));
+        p.key("other iterations", Key::Line("ref", Dash::Solid));
     }
     if !centres.is_empty() {
         p.key("basis centres", Key::Mark("s4", Mark::Diamond));

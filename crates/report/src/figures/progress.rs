@@ -22,6 +22,8 @@ pub struct LearningCurves {
     pub final_policy: Option<f64>,
     /// Best mean reward of an iteration's policy on the robot.
     pub best: Option<f64>,
+    /// What the paper reports for such a task, as a sentence.
+    pub paper: Option<String>,
 }
 
 /// Separators and numbers of iterations along a sequence of `(iteration, position)`.
@@ -56,7 +58,7 @@ fn levels(p: &mut Panel, data: &LearningCurves) {
         if let Some(value) = value {
             p.across(value, class, dash);
             p.key(
-                &format!("{name} ({})", number(value, 2)),
+                &format!("{name} ({})", number(value, 3)),
                 Key::Line(class, dash),
             );
         }
@@ -80,7 +82,10 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
     let mut notes = String::new();
     if !trials.is_empty() {
         let rewards: Vec<f64> = trials.iter().map(|t| t.average_reward).collect();
-        let y = reward_axis("average reward", &rewards);
+        let (lo, hi) = extent(rewards.iter().copied());
+        let room = (hi > 0.0).then_some(hi + 0.14 * (hi - lo));
+        let shown: Vec<f64> = rewards.iter().copied().chain(room).collect();
+        let y = reward_axis("average reward", &shown);
         notes.push_str(&scale_note(&y));
         let x = Axis::counting("trial in the learned map", 0.5, trials.len() as f64 + 0.5);
         let mut panels = sheet.row(170.0, vec![(1.0, x, y, Some("In the learned map"))]);
@@ -136,7 +141,17 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         .count();
     if !data.strides.is_empty() {
         let mut rewards: Vec<f64> = data.strides.iter().map(|s| s.reward).collect();
-        rewards.extend(data.nominal.iter().chain(&data.final_policy));
+        rewards.extend(
+            data.nominal
+                .iter()
+                .chain(&data.final_policy)
+                .chain(&data.best),
+        );
+        let (lo, hi) = extent(rewards.iter().copied());
+        if hi > 0.0 {
+            // Head room for the names of the iterations; an axis that ends at zero has it anyway.
+            rewards.push(hi + 0.1 * (hi - lo));
+        }
         let y = reward_axis("reward", &rewards);
         let x = Axis::counting("stride on the robot", 0.5, data.strides.len() as f64 + 0.5);
         let mut panels = sheet.row(190.0, vec![(1.0, x, y, Some("On the robot"))]);
@@ -151,12 +166,22 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         }
     }
     let each = |v: Option<f64>| v.map_or_else(|| "not measured".to_owned(), |v| number(v, 3));
+    let above = match trials.len() {
+        0 => "R".to_owned(),
+        n => format!(
+            "Above: average reward per stride of each trial imagined in the learned map (n = {}). Below: r",
+            plural(n, "trial")
+        ),
+    };
+    let paper = data
+        .paper
+        .as_ref()
+        .map_or_else(String::new, |p| format!(" {p}"));
     let caption = format!(
-        "Above: average reward per stride of each trial imagined in the learned map (n = {}). Below: reward of \
+        "{above}eward of \
          each stride on the robot, training and evaluation, in order, without averaging (n = {}, {falls} ended \
          without a section). Lines: mean reward on the robot of the nominal gait ({}), the best iteration ({}) and the \
-         final policy ({}). Rewards have no unit; dotted uprights part the iterations.{notes}",
-        plural(trials.len(), "trial"),
+         final policy ({}). Dotted uprights part the iterations.{notes}{paper}",
         plural(data.strides.len(), "stride"),
         each(data.nominal),
         each(data.best),
@@ -216,18 +241,19 @@ fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64,
             .collect()
     };
     let ok = |s: &StrideRow| s.end == StrideEnd::Crossing;
+    let tries = |s: &StrideRow| s.phase == "evaluate" || s.role == "evaluation";
     let sets: [MarkedSet<'_>; 4] = [
         (
-            &|s| ok(s) && s.role == "training",
+            &|s| ok(s) && !tries(s),
             "s0",
             Mark::Disc,
-            "training stride",
+            "exploring or sampling",
         ),
         (
-            &|s| ok(s) && s.role != "training",
+            &|s| ok(s) && tries(s),
             "s4",
             Mark::Diamond,
-            "evaluation stride",
+            "trying the policy's mean",
         ),
         (&|s| s.end == StrideEnd::Fell, "s1", Mark::Cross, "fall"),
         (
@@ -252,7 +278,7 @@ fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64,
                 "stride {}, iteration {} ({}): {what} {}, {}",
                 i + 1,
                 s.iteration,
-                s.role,
+                if tries(s) { "trying" } else { "exploring" },
                 number(value(s), 3),
                 end_name(s.end)
             ),
@@ -378,8 +404,7 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
     };
     let caption = format!(
         "{} at the end of each stride, without averaging. Above: strides on the robot while learning ({}). Below: strides run \
-         only to report, nominal gait ({}) and final policy ({}). Dash-dotted: the desired value{}. Crosses: falls. The \
-         paper's Fig. 14 (real robot): mean of strides 10 to 40 is 0.12 deg for a target of 0.0 deg.",
+         only to report, nominal gait ({}) and final policy ({}). Dash-dotted: the desired value{}. Crosses: falls.{}",
         plain(&name),
         count(&data.strides),
         count(&data.nominal),
@@ -387,7 +412,12 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         data.target.map_or_else(
             || " (none in this task)".to_owned(),
             |t| format!(", {}", signed(t, 1))
-        )
+        ),
+        if data.target.is_some() {
+            " The paper's Fig. 14 (real robot): mean of strides 10 to 40 is 0.12 deg for a target of 0.0 deg."
+        } else {
+            ""
+        }
     );
     let mut csv = format!("what,stride,{},end\n", data.name);
     for (what, rows) in [
@@ -408,95 +438,5 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         "{} over {total} strides: while learning, and nominal gait against final policy.",
         plain(&name)
     );
-    Ok(sheet.finish(&caption, &alt, csv))
-}
-
-/// One run among several.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RunCurve {
-    /// Name of the run.
-    pub name: String,
-    /// Mean reward of the nominal gait.
-    pub nominal: Option<f64>,
-    /// Training and evaluation strides so far, and the mean reward of the policy then.
-    pub iterations: Vec<(f64, f64)>,
-    /// Falls on the robot while learning.
-    pub falls: u64,
-}
-
-/// Draws the reward on the robot against the strides spent, one line per run.
-///
-/// # Errors
-///
-/// [`ReportError::Empty`](crate::ReportError::Empty) if no run has an iteration.
-pub fn runs_compared(runs: &[RunCurve]) -> Result<Figure> {
-    let stem = "runs";
-    some(
-        stem,
-        "no iteration",
-        runs.iter().map(|r| r.iterations.len()).sum(),
-    )?;
-    const CLASSES: [&str; 7] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6"];
-    const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::Chain, Dash::Dotted];
-    let curve = |r: &RunCurve| -> Vec<(f64, f64)> {
-        r.nominal
-            .map(|n| (0.0, n))
-            .into_iter()
-            .chain(r.iterations.iter().copied())
-            .collect()
-    };
-    let values: Vec<f64> = runs
-        .iter()
-        .flat_map(|r| curve(r).into_iter().map(|p| p.1))
-        .collect();
-    let last = runs
-        .iter()
-        .flat_map(|r| r.iterations.iter().map(|p| p.0))
-        .fold(1.0, f64::max);
-    let y = reward_axis("mean reward on the robot", &values);
-    let note = scale_note(&y);
-    let mut sheet = Sheet::new(stem, "Runs beside each other");
-    let mut p = sheet.single(
-        260.0,
-        Axis::counting("strides on the robot so far", -0.02 * last, last * 1.02),
-        y,
-    );
-    for (i, r) in runs.iter().enumerate() {
-        let (class, dash) = (
-            CLASSES[i % CLASSES.len()],
-            DASHES[(i / CLASSES.len()) % DASHES.len()],
-        );
-        let points = curve(r);
-        p.line(&points, class, dash, 2.0);
-        p.marks(&points, class, Mark::Disc, 3.6);
-        for (x, y) in &points {
-            p.hover(
-                *x,
-                *y,
-                format!(
-                    "{}: mean reward {} after {x} strides",
-                    r.name,
-                    number(*y, 3)
-                ),
-            );
-        }
-        if runs.len() <= 12 {
-            p.key(&r.name, Key::Both(class, dash, Mark::Disc));
-        }
-    }
-    sheet.add(p);
-    let caption = format!(
-        "Mean reward on the robot of each iteration's policy against the training and evaluation strides spent so far; at 0 the \
-         nominal gait. One line per run (n = {}), {} while learning in all.{note}",
-        plural(runs.len(), "run"),
-        plural(runs.iter().map(|r| r.falls).sum::<u64>() as usize, "fall")
-    );
-    let mut csv = String::from("run,strides_so_far,mean_reward\n");
-    for r in runs {
-        for (x, y) in curve(r) {
-            csv.push_str(&format!("{},{x},{y}\n", r.name.replace(',', " ")));
-        }
-    }
-    let alt = format!("Mean reward against strides for {} runs.", runs.len());
     Ok(sheet.finish(&caption, &alt, csv))
 }

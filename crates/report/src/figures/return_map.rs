@@ -3,10 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::check::{column, some};
+use super::names::{label, quantity};
 use super::paper::PSI;
-use crate::draw::{Anchor, Axis, Dash, Key, Mark, Panel, Sheet, signed};
+use crate::draw::{Anchor, Axis, Dash, Key, Mark, Panel, Sheet, extent, signed};
 use crate::error::Result;
 use crate::figure::Figure;
+use crate::run::ReturnLine;
 
 /// A pair of states two strides apart, the first being the section after a push.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,7 +55,20 @@ pub struct Fig10 {
 ///
 /// [`ReportError`](crate::ReportError) if there is no map, no pair in any, or a value that is not finite.
 pub fn fig10(data: &Fig10) -> Result<Figure> {
-    let stem = "fig10";
+    pushed("fig10", 2, data)
+}
+
+/// The same as [`fig10`] one stride after the push: `psi_roll_after_2_deg` of each pair is read as the state
+/// at section k + 1, and slope and fixed point as those of that map.
+///
+/// # Errors
+///
+/// As [`fig10`].
+pub fn pushed_one_stride(data: &Fig10) -> Result<Figure> {
+    pushed("push-1", 1, data)
+}
+
+fn pushed(stem: &str, lag: usize, data: &Fig10) -> Result<Figure> {
     some(stem, "pairs", data.maps.iter().map(|m| m.pairs.len()).sum())?;
     for map in &data.maps {
         let flat: Vec<f64> = map
@@ -78,19 +93,23 @@ pub fn fig10(data: &Fig10) -> Result<Figure> {
             (
                 1.0,
                 axis(format!("{PSI}(k) (deg)")),
-                axis(format!("{PSI}(k + 2) (deg)")),
+                axis(format!("{PSI}(k + {lag}) (deg)")),
                 Some(m.name.as_str()),
             )
         })
         .collect();
-    let mut sheet = Sheet::new(stem, "Return map under pushes");
+    let title = match lag {
+        1 => "Return map under pushes, one stride on",
+        _ => "Return map under pushes",
+    };
+    let mut sheet = Sheet::new(stem, title);
     let height = if data.maps.len() > 2 { 200.0 } else { 285.0 };
     let drawn = sheet.row(height, panels);
     for (mut p, map) in drawn.into_iter().zip(&data.maps) {
         draw(&mut p, map, data.target_deg);
         sheet.add(p);
     }
-    Ok(sheet.finish(&caption(data), &alt(data), csv(data)))
+    Ok(sheet.finish(&caption(data, lag), &alt(data, lag), csv(data, lag)))
 }
 
 fn draw(p: &mut Panel, map: &ReturnMap, target: Option<f64>) {
@@ -162,7 +181,7 @@ fn draw(p: &mut Panel, map: &ReturnMap, target: Option<f64>) {
     p.key("identity", Key::Line("ref", Dash::Solid));
 }
 
-fn caption(data: &Fig10) -> String {
+fn caption(data: &Fig10, lag: usize) -> String {
     let push = match (data.force_n, data.duration_s) {
         (Some(force), Some(duration)) => {
             format!(
@@ -198,16 +217,22 @@ fn caption(data: &Fig10) -> String {
     let target = data.target_deg.map_or_else(String::new, |t| {
         format!(" Dotted: the desired state, {} deg.", signed(t, 1))
     });
+    let each = each.join("; ");
+    let how = "Each point is one pair, without averaging; dashed: least squares; circle: where it meets the identity";
+    if lag == 1 {
+        return format!(
+            "State at a section against the state one stride later, on the other leg, k being the first section after a \
+             push.{push} {how}. {each}.{target}"
+        );
+    }
     format!(
         "Fig. 10 of the paper. State at a section against the state two strides later, k being the first section after a \
-         push.{push} Each point is one pair, without averaging; dashed: least squares; circle: where it meets the \
-         identity. {}.{target} The paper: \u{201c}coefficient much smaller than one\u{201d}, fixed point 2.3 deg for a \
-         target of 2.0 deg.",
-        each.join("; ")
+         push.{push} {how}. {each}.{target} The paper: \u{201c}coefficient much smaller than one\u{201d}, fixed point 2.3 deg \
+         for a target of 2.0 deg."
     )
 }
 
-fn alt(data: &Fig10) -> String {
+fn alt(data: &Fig10, lag: usize) -> String {
     let each: Vec<String> = data
         .maps
         .iter()
@@ -217,13 +242,18 @@ fn alt(data: &Fig10) -> String {
         })
         .collect();
     format!(
-        "Scatter plots of psi_roll two strides after a push against psi_roll after it: {}.",
+        "Scatter plots of psi_roll {} against psi_roll after a push: {}.",
+        if lag == 1 {
+            "one stride later"
+        } else {
+            "two strides later"
+        },
         each.join("; ")
     )
 }
 
-fn csv(data: &Fig10) -> String {
-    let mut csv = String::from("map,psi_roll_deg,psi_roll_after_2_deg,force_n\n");
+fn csv(data: &Fig10, lag: usize) -> String {
+    let mut csv = format!("map,psi_roll_deg,psi_roll_after_{lag}_deg,force_n\n");
     for map in &data.maps {
         for pair in &map.pairs {
             let force = pair.force_n.map_or_else(String::new, |f| f.to_string());
@@ -238,59 +268,72 @@ fn csv(data: &Fig10) -> String {
     csv
 }
 
-/// Consecutive states of strides that were not pushed.
+/// Consecutive states of a gait that was not pushed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Undisturbed {
+    /// What was run: `nominal gait`, `final policy`.
+    pub name: String,
+    /// Unbroken stretches of states at successive sections.
+    pub stretches: Vec<Vec<f64>>,
+    /// Lines through the pairs k to k + 1 and k to k + 2, where the run directory has them.
+    pub lines: [Option<ReturnLine>; 2],
+}
+
+/// Return maps of gaits that were not pushed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UndisturbedReturnMaps {
     /// Name of the state component, with its unit: `psi_roll_deg`.
     pub name: String,
-    /// What was run, and its unbroken stretches of states at successive sections.
-    pub runs: Vec<(String, Vec<Vec<f64>>)>,
+    /// What was run, at most three.
+    pub runs: Vec<Undisturbed>,
     /// The desired state, if the task has one.
     pub target: Option<f64>,
 }
 
-/// Draws the return maps k to k + 1 and k to k + 2 without pushes: the pairs and the identity.
+fn pairs(stretches: &[Vec<f64>], lag: usize) -> Vec<(f64, f64)> {
+    stretches
+        .iter()
+        .flat_map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| (*a, *b)))
+        .filter(|(a, b)| a.is_finite() && b.is_finite())
+        .collect()
+}
+
+/// Draws the return maps k to k + 1 and k to k + 2 without pushes: the pairs, their lines and fixed points,
+/// and the identity.
 ///
 /// # Errors
 ///
 /// [`ReportError::Empty`](crate::ReportError::Empty) if no stretch has two states.
 pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
     let stem = "return-map";
-    const CLASSES: [(&str, Mark); 3] = [
-        ("s1", Mark::Diamond),
-        ("s2", Mark::Disc),
-        ("s0", Mark::Disc),
+    const CLASSES: [(&str, Mark, Dash); 3] = [
+        ("s1", Mark::Diamond, Dash::Dashed),
+        ("s2", Mark::Disc, Dash::Solid),
+        ("s0", Mark::Disc, Dash::Chain),
     ];
-    let pairs = |stretches: &[Vec<f64>], lag: usize| -> Vec<(f64, f64)> {
-        stretches
-            .iter()
-            .flat_map(|s| s.iter().zip(s.iter().skip(lag)).map(|(a, b)| (*a, *b)))
-            .filter(|(a, b)| a.is_finite() && b.is_finite())
-            .collect()
-    };
     some(
         stem,
         "no two strides in a row",
-        data.runs.iter().map(|r| pairs(&r.1, 1).len()).sum(),
+        data.runs.iter().map(|r| pairs(&r.stretches, 1).len()).sum(),
     )?;
     let values = || {
         data.runs
             .iter()
-            .flat_map(|r| r.1.iter().flatten().copied())
+            .flat_map(|r| r.stretches.iter().flatten().copied())
             .chain(data.target)
     };
-    let axis =
-        |argument: &str| Axis::covering(&super::names::label(&data.name, argument), values());
+    let axis = |argument: &str| Axis::covering(&label(&data.name, argument), values());
     let mut sheet = Sheet::new(stem, "Return maps without pushes");
     let panels = sheet.row(
         285.0,
         vec![
-            (1.0, axis("(k)"), axis("(k + 1)"), None),
-            (1.0, axis("(k)"), axis("(k + 2)"), None),
+            (1.0, axis("(k)"), axis("(k + 1)"), Some("One stride on")),
+            (1.0, axis("(k)"), axis("(k + 2)"), Some("Two strides on")),
         ],
     );
     let mut csv = format!("run,lag,{0},next_{0}\n", data.name);
-    let mut counts = Vec::new();
+    let unit = quantity(&data.name).1;
+    let mut said = Vec::new();
     for (lag, mut p) in panels.into_iter().enumerate().map(|(i, p)| (i + 1, p)) {
         p.line(
             &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
@@ -303,34 +346,71 @@ pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
             p.across(target, "ref", Dash::Dotted);
             p.key("desired state", Key::Line("ref", Dash::Dotted));
         }
-        for ((name, stretches), (class, mark)) in data.runs.iter().zip(CLASSES) {
-            let points = pairs(stretches, lag);
+        for (run, (class, mark, dash)) in data.runs.iter().zip(CLASSES) {
+            let points = pairs(&run.stretches, lag);
+            let line = run.lines[lag - 1].and_then(|l| Some((l, l.fixed_point_deg?)));
+            if let Some((line, fixed)) = line {
+                let (lo, hi) = extent(points.iter().map(|q| q.0));
+                let air = 0.05 * (hi - lo);
+                let at = |x: f64| (x, fixed + line.slope * (x - fixed));
+                p.line(&[at(lo - air), at(hi + air)], class, dash, 1.8);
+            }
             p.marks(&points, class, mark, 3.2);
             for (a, b) in &points {
                 p.hover(
                     *a,
                     *b,
-                    format!("{name}: {} to {} after {lag}", signed(*a, 2), signed(*b, 2)),
+                    format!(
+                        "{}: {} to {} after {lag}",
+                        run.name,
+                        signed(*a, 2),
+                        signed(*b, 2)
+                    ),
                 );
-                csv.push_str(&format!("{},{lag},{a},{b}\n", name.replace(',', " ")));
+                csv.push_str(&format!("{},{lag},{a},{b}\n", run.name.replace(',', " ")));
             }
-            p.key(name, Key::Mark(class, mark));
-            if lag == 1 {
-                counts.push(format!("{name}: n = {}", points.len()));
+            if let Some((line, fixed)) = line {
+                p.marks(&[(fixed, fixed)], class, Mark::Circle, 6.0);
+                p.hover(
+                    fixed,
+                    fixed,
+                    format!(
+                        "{}: fixed point {} {unit}, slope {} ± {}",
+                        run.name,
+                        signed(fixed, 2),
+                        signed(line.slope, 2),
+                        signed(line.slope_std_error, 2)
+                    ),
+                );
+                p.key("fixed point", Key::Mark("s6", Mark::Circle));
             }
+            p.key(&run.name, Key::Both(class, dash, mark));
+            said.push(match line {
+                Some((line, fixed)) => format!(
+                    "{} to k + {lag}: slope {} ± {}, fixed point {} {unit} (n = {} pairs)",
+                    run.name,
+                    signed(line.slope, 2),
+                    signed(line.slope_std_error, 2),
+                    signed(fixed, 2),
+                    points.len()
+                ),
+                None => format!(
+                    "{} to k + {lag}: no line (n = {} pairs)",
+                    run.name,
+                    points.len()
+                ),
+            });
         }
         p.key("identity", Key::Line("ref", Dash::Solid));
         sheet.add(p);
     }
+    let said = said.join("; ");
     let caption = format!(
         "State at a section against the state one (left) and two (right) strides later, without pushes, deterministic policy, \
-         strides run only to report; each point is one pair, without averaging ({}). Points gather where the gait repeats \
-         itself.",
-        counts.join(", ")
+         strides run only to report, the start-up included; each point is one pair, without averaging. Lines: least squares, \
+         slope ± its standard error; circles: where they meet the identity, the state to which the gait returns. {said}. A slope \
+         within ±1 says that it does return; little spread, as in a gait that has settled, makes it uncertain."
     );
-    let alt = format!(
-        "Return maps one and two strides on, without pushes; {}.",
-        counts.join(", ")
-    );
+    let alt = format!("Return maps one and two strides on, without pushes. {said}.");
     Ok(sheet.finish(&caption, &alt, csv))
 }

@@ -50,33 +50,47 @@ pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
     let stem = "predicted";
     let outputs = scored(stem, map)?;
     let mut sheet = Sheet::new(stem, "Predicted against actual");
-    let specs = outputs
-        .iter()
-        .map(|(o, l)| {
-            let all = || {
-                l.actual.iter().copied().chain(
-                    l.mean
-                        .iter()
-                        .zip(&l.std)
-                        .flat_map(|(m, s)| [m - 2.0 * s, m + 2.0 * s]),
-                )
-            };
-            let most = if outputs.len() > 2 { 4.0 } else { 6.0 };
-            let range = Axis::covering("", all());
-            let axis = |text: String| Axis::linear_with(&text, range.min, range.max, most);
-            let next = if o.name == "reward" { "" } else { "(k + 1)" };
-            (
-                1.0,
-                axis(format!("actual {}", label(&o.name, next))),
-                axis(format!("predicted {}", label(&o.name, next))),
-                None,
+    let per_row = if outputs.len() == 4 {
+        2
+    } else {
+        outputs.len().min(3)
+    };
+    let spec = |(o, l): &(&MapOutput, &LeaveOneOut)| {
+        let all = || {
+            l.actual.iter().copied().chain(
+                l.mean
+                    .iter()
+                    .zip(&l.std)
+                    .flat_map(|(m, s)| [m - 2.0 * s, m + 2.0 * s]),
             )
-        })
-        .collect();
-    let height = if outputs.len() > 2 { 200.0 } else { 290.0 };
+        };
+        let most = if per_row > 2 { 4.0 } else { 6.0 };
+        let range = Axis::covering("", all());
+        let axis = |text: String| Axis::linear_with(&text, range.min, range.max, most);
+        let next = if o.name.starts_with("psi_") {
+            "(k + 1)"
+        } else {
+            ""
+        };
+        (
+            1.0,
+            axis(format!("actual {}", label(&o.name, next))),
+            axis(format!("predicted {}", label(&o.name, next))),
+            None,
+        )
+    };
+    let height = match outputs.len() {
+        1 | 2 => 290.0,
+        4 => 240.0,
+        _ => 200.0,
+    };
+    let mut panels = Vec::new();
+    for row in outputs.chunks(per_row) {
+        panels.extend(sheet.row(height, row.iter().map(spec).collect()));
+    }
     let mut csv = String::from("output,actual,predicted_mean,predicted_std,inside_2_sd\n");
     let mut scores = Vec::new();
-    for ((o, l), mut p) in outputs.iter().zip(sheet.row(height, specs)) {
+    for ((o, l), mut p) in outputs.iter().zip(panels) {
         let r = residuals(l);
         p.line(
             &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
@@ -176,27 +190,35 @@ pub fn standardized_residuals(map: &MapCard) -> Result<Figure> {
         .iter()
         .map(|(o, l)| (plain(&quantity(&o.name).0), residuals(l)))
         .collect();
-    let specs = all
-        .iter()
-        .map(|(name, r)| {
-            let top = histogram(r).into_iter().fold(0.42, f64::max);
-            let title = (all.len() > 1).then_some(name.as_str());
-            (
-                1.0,
-                Axis::linear_with(
-                    "standardized residual",
-                    -EDGE,
-                    EDGE,
-                    8.0 / all.len() as f64 + 2.0,
-                ),
-                Axis::linear("density", 0.0, top * 1.08),
-                title,
-            )
-        })
-        .collect();
+    let per_row = if all.len() == 4 { 2 } else { all.len().min(3) };
+    let spec = |(name, r): &(String, Vec<f64>)| {
+        let top = histogram(r).into_iter().fold(0.42, f64::max);
+        let title = (all.len() > 1).then(|| name.clone());
+        (
+            1.0,
+            Axis::linear_with(
+                "standardized residual",
+                -EDGE,
+                EDGE,
+                8.0 / per_row as f64 + 2.0,
+            ),
+            Axis::linear_with("density", 0.0, top * 1.08, 5.0),
+            title,
+        )
+    };
     let mut csv = String::from("output,bin_from,bin_to,density\n");
     let mut scores = Vec::new();
-    for ((name, r), mut p) in all.iter().zip(sheet.row(220.0, specs)) {
+    let height = if all.len() > 2 { 150.0 } else { 220.0 };
+    let mut panels = Vec::new();
+    for row in all.chunks(per_row) {
+        let specs: Vec<(f64, Axis, Axis, Option<String>)> = row.iter().map(spec).collect();
+        let specs = specs
+            .iter()
+            .map(|(s, x, y, title)| (*s, x.clone(), y.clone(), title.as_deref()))
+            .collect();
+        panels.extend(sheet.row(height, specs));
+    }
+    for ((name, r), mut p) in all.iter().zip(panels) {
         for (i, density) in histogram(r).iter().enumerate() {
             let from = -EDGE + BIN * i as f64;
             p.bar(

@@ -33,6 +33,8 @@ pub(super) fn recording_name(what: &str) -> String {
     match what {
         "nominal" => "before: nominal gait".to_owned(),
         "final" => "after: final policy".to_owned(),
+        "push-nominal" => "pushed: nominal gait".to_owned(),
+        "push" => "pushed: final policy".to_owned(),
         other => other.replace('-', " "),
     }
 }
@@ -104,6 +106,32 @@ pub(super) fn remarks(run: &Run) -> String {
             ));
         }
     }
+    if let Some(s) = &run.summary {
+        let warned: usize = s.iterations.iter().map(|i| i.warnings.len()).sum();
+        let back = s.iterations.iter().filter_map(|i| i.proof.as_ref());
+        let back = back.filter(|p| p.verdict == "warned").count();
+        if warned > 0 {
+            says.push((
+                false,
+                format!(
+                    "The guard warned {} while learning; {} turned back by it.",
+                    times(warned),
+                    match back {
+                        0 => "no policy was".to_owned(),
+                        1 => "one policy was".to_owned(),
+                        n => format!("{n} policies were"),
+                    }
+                ),
+            ));
+        }
+        if !s.iterations.is_empty()
+            && s.iterations
+                .iter()
+                .all(|i| i.proof.as_ref().is_some_and(|p| p.verdict != "proven"))
+        {
+            says.push((true, "No policy was proven on the robot.".to_owned()));
+        }
+    }
     if run.transitions.len() == 1 {
         says.push((
             true,
@@ -160,12 +188,41 @@ pub(super) fn tiles(run: &Run) -> String {
     let Some(s) = &run.summary else {
         return String::new();
     };
-    let mut tiles = vec![
-        (
+    let mut tiles = Vec::new();
+    let speed = |m: Option<Measured>| {
+        m.and_then(|m| m.speed_m_s)
+            .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3))
+    };
+    let walks = s.final_policy.is_some_and(|m| m.speed_m_s.is_some());
+    if walks {
+        tiles.push((
+            format!(
+                "{} \u{2192} {} m/s",
+                speed(s.nominal),
+                speed(s.final_policy)
+            ),
+            "speed along the first heading, nominal to final".to_owned(),
+        ));
+        if let Some(upright) = s.final_policy.and_then(|m| m.upright_s) {
+            let drift = s.final_policy.and_then(|m| m.drift_m);
+            let drift = drift.map_or_else(String::new, |d| {
+                format!("; {} m to the left of the first heading", signed(d, 2))
+            });
+            tiles.push((
+                format!("{} s", number(upright, 3)),
+                format!("the final policy walked without a fall, up to 60{drift}"),
+            ));
+        }
+    }
+    let measured = s.nominal.is_some() || s.final_policy.is_some();
+    if measured && (run.reward_quantity().as_deref() != Some("speed_m_s") || !walks) {
+        tiles.push((
             format!("{} \u{2192} {}", reward(s.nominal), reward(s.final_policy)),
             "mean reward on the robot, nominal to final".to_owned(),
-        ),
-        (
+        ));
+    }
+    if measured && !walks {
+        tiles.push((
             format!(
                 "{}\u{b0} \u{2192} {}\u{b0}",
                 psi(s.nominal),
@@ -180,11 +237,13 @@ pub(super) fn tiles(run: &Run) -> String {
                     )
                 },
             ),
-        ),
+        ));
+    }
+    tiles.extend([
         (
             (s.strides.training + s.strides.evaluation).to_string(),
             format!(
-                "strides on the robot: {} training, {} evaluation",
+                "strides on the robot: {} offered to the map, {} only to choose",
                 s.strides.training, s.strides.evaluation
             ),
         ),
@@ -192,18 +251,8 @@ pub(super) fn tiles(run: &Run) -> String {
             run.falls().0.to_string(),
             "falls on the robot while learning".to_owned(),
         ),
-    ];
-    if let Some(speed) = s.final_policy.and_then(|m| m.speed_m_s) {
-        let before = s
-            .nominal
-            .and_then(|m| m.speed_m_s)
-            .map_or_else(String::new, |v| format!("{} \u{2192} ", number(v, 3)));
-        tiles.push((
-            format!("{before}{} m/s", number(speed, 3)),
-            "speed, nominal to final".to_owned(),
-        ));
-    }
-    if let Some((_, push)) = &run.push
+    ]);
+    if let Some(push) = run.push.as_ref().map(|p| &p.summary)
         && let (Some(slope), Some(fixed)) = (push.slope, push.fixed_point_deg)
     {
         tiles.push((
@@ -211,7 +260,7 @@ pub(super) fn tiles(run: &Run) -> String {
             "slope of the return map under pushes, and its fixed point".to_owned(),
         ));
     }
-    if let Some(seconds) = &s.seconds {
+    if let Some(seconds) = s.seconds.filter(|s| s.total > 0.0) {
         tiles.push((
             format!("{} s", number(seconds.total, 3)),
             "computing, simulation included".to_owned(),
@@ -232,28 +281,70 @@ pub(super) fn tiles(run: &Run) -> String {
 
 /// The runs of a page as a table.
 pub(super) fn overview(runs: &[Run]) -> String {
+    let walks = runs.iter().any(|r| {
+        let measured = r.summary.as_ref().and_then(|s| s.final_policy);
+        measured.is_some_and(|m| m.speed_m_s.is_some())
+    });
+    let pair = |m: Option<Measured>| -> [String; 2] {
+        if walks {
+            let value = |v: Option<f64>| v.map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3));
+            [
+                value(m.and_then(|m| m.speed_m_s)),
+                value(m.and_then(|m| m.upright_s)),
+            ]
+        } else {
+            [reward(m), psi(m)]
+        }
+    };
     let mut rows = String::new();
     for run in runs {
         let s = run.summary.clone().unwrap_or_default();
         let (falls, stalls) = run.falls();
+        let ([a, b], [c, d]) = (pair(s.nominal), pair(s.final_policy));
+        let cells: String = [
+            run.transitions.len().to_string(),
+            a,
+            c,
+            b,
+            d,
+            (falls + stalls).to_string(),
+        ]
+        .iter()
+        .map(|cell| format!("<td class=\"num\">{cell}</td>"))
+        .collect();
         rows.push_str(&format!(
-            "<tr><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td>\
-             <td class=\"num\">{}</td><td class=\"num\">{}</td><td>{}</td></tr>",
+            "<tr><td>{}</td>{cells}<td>{}</td></tr>",
             escape(&run.name),
-            run.transitions.len(),
-            reward(s.nominal),
-            reward(s.final_policy),
-            psi(s.nominal),
-            psi(s.final_policy),
-            falls + stalls,
-            if run.finished() { "finished" } else { "did not reach its end" }
+            if run.finished() {
+                "finished"
+            } else {
+                "did not reach its end"
+            }
         ));
     }
+    let names = if walks {
+        [
+            "nominal speed (m/s)",
+            "final speed (m/s)",
+            "nominal upright (s)",
+            "final upright (s)",
+        ]
+    } else {
+        [
+            "nominal reward",
+            "final reward",
+            "nominal ψ<sub>roll</sub> (deg)",
+            "final ψ<sub>roll</sub> (deg)",
+        ]
+    };
+    let heads: String = ["strides"]
+        .iter()
+        .chain(&names)
+        .chain(&["falls, stalls"])
+        .map(|name| format!("<th class=\"num\">{name}</th>"))
+        .collect();
     format!(
-        "<div class=\"wide\"><table><thead><tr><th>run</th><th class=\"num\">strides</th><th class=\"num\">nominal reward</th>\
-         <th class=\"num\">final reward</th><th class=\"num\">nominal ψ<sub>roll</sub> (deg)</th>\
-         <th class=\"num\">final ψ<sub>roll</sub> (deg)</th><th class=\"num\">falls, stalls</th><th></th></tr></thead>\
-         <tbody>{rows}</tbody></table></div>"
+        "<div class=\"wide\"><table><thead><tr><th>run</th>{heads}<th></th></tr></thead><tbody>{rows}</tbody></table></div>"
     )
 }
 
@@ -277,12 +368,11 @@ pub(super) fn model_card(run: &Run) -> String {
     let Some(map) = run.maps.last() else {
         return String::new();
     };
-    let inputs: Vec<&String> = run
-        .columns
-        .state
-        .iter()
-        .chain(&run.columns.action)
-        .collect();
+    // A map may see the last action beside the action.
+    let last = run.columns.action.iter();
+    let last = last.map(|a| format!("last {}", plain(&label(a, ""))));
+    let now = run.columns.state.iter().chain(&run.columns.action);
+    let inputs: Vec<String> = now.map(|n| plain(&label(n, ""))).chain(last).collect();
     let optional = |v: Option<f64>, f: &dyn Fn(f64) -> f64| {
         v.map_or_else(|| "\u{2013}".to_owned(), |v| number(f(v), 3))
     };
@@ -290,15 +380,29 @@ pub(super) fn model_card(run: &Run) -> String {
     let mut warnings = String::new();
     for o in &map.outputs {
         let (name, unit) = quantity(&o.name);
-        let scales: Vec<String> = o
+        // The inputs on which the output depends most, shortest first.
+        const SHOWN: usize = 4;
+        let mut scales: Vec<(f64, &str)> = o
             .length_scales
             .iter()
-            .enumerate()
-            .map(|(i, l)| match inputs.get(i) {
-                Some(input) => format!("{} along {}", number(*l, 3), plain(&label(input, ""))),
-                None => number(*l, 3),
-            })
+            .copied()
+            .zip(
+                inputs
+                    .iter()
+                    .map(String::as_str)
+                    .chain(std::iter::repeat("")),
+            )
             .collect();
+        scales.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let rest = scales.len().saturating_sub(SHOWN);
+        let mut scales: Vec<String> = scales
+            .iter()
+            .take(SHOWN)
+            .map(|(l, input)| format!("{} along {input}", number(*l, 3)))
+            .collect();
+        if rest > 0 {
+            scales.push(format!("longer along the other {rest}"));
+        }
         let dash = || "\u{2013}".to_owned();
         rows.push_str(&format!(
             "<tr><td>{}</td><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td>\
@@ -311,11 +415,11 @@ pub(super) fn model_card(run: &Run) -> String {
             within(o, 1.0).unwrap_or_else(dash),
             within(o, 2.0).unwrap_or_else(dash)
         ));
-        for w in &o.warnings {
+        for w in plain_warnings(&o.warnings, &inputs) {
             warnings.push_str(&format!(
                 "<li class=\"bad\">{}: {}</li>",
                 subscripts(&plain(&name)),
-                escape(w)
+                subscripts(&w)
             ));
         }
     }
@@ -331,6 +435,35 @@ pub(super) fn model_card(run: &Run) -> String {
          <p class=\"note\">Map of iteration {}. The last two columns: leave-one-out predictions.</p>{warned}",
         map.iteration
     )
+}
+
+/// The warnings of a card in the words of the task: inputs by their names, bounds by what they mean.
+fn plain_warnings(warnings: &[String], inputs: &[String]) -> Vec<String> {
+    let (mut unused, mut steep, mut others) = (Vec::new(), Vec::new(), Vec::new());
+    for w in warnings {
+        let index = w
+            .strip_prefix("length_scales[")
+            .and_then(|rest| rest.split_once(']'))
+            .and_then(|(i, rest)| Some((inputs.get(i.parse::<usize>().ok()?)?, rest)));
+        match index {
+            Some((input, rest)) if rest.ends_with("upper bound") => unused.push(input.as_str()),
+            Some((input, rest)) if rest.ends_with("lower bound") => steep.push(input.as_str()),
+            _ => others.push(w.clone()),
+        }
+    }
+    if !unused.is_empty() {
+        others.push(format!(
+            "in these data it hardly depends, beside a straight line where the map has one, on {} (length scale at its upper bound)",
+            unused.join(", ")
+        ));
+    }
+    if !steep.is_empty() {
+        others.push(format!(
+            "it changes faster than the data can show along {} (length scale at its lower bound)",
+            steep.join(", ")
+        ));
+    }
+    others
 }
 
 /// Where a run comes from and how to make it again.
@@ -396,24 +529,120 @@ pub(super) fn provenance(run: &Run) -> String {
             format!("<tr><th scope=\"row\">{what}</th><td>{value}</td></tr>")
         })
         .collect();
+    let proofs = proofs(run);
     let config = run.config.as_ref().map_or_else(String::new, |text| {
         format!("<details><summary>Configuration, every value as resolved</summary><pre>{}</pre></details>", escape(text))
     });
     format!(
-        "<div class=\"wide\"><table class=\"facts\"><tbody>{table}</tbody></table></div>{config}"
+        "<div class=\"wide\"><table class=\"facts\"><tbody>{table}</tbody></table></div>{proofs}{config}"
+    )
+}
+
+/// The policies that were tried on the robot before they were trusted, as a table.
+fn proofs(run: &Run) -> String {
+    let Some(s) = &run.summary else {
+        return String::new();
+    };
+    let rows: String = s
+        .iterations
+        .iter()
+        .filter_map(|i| Some((i, i.proof.as_ref()?)))
+        .map(|(i, p)| {
+            let chosen = s.final_iteration == Some(i.iteration);
+            let warnings: Vec<&str> = i
+                .warnings
+                .iter()
+                .map(|w| crate::figures::warning_words(&w.warning))
+                .collect();
+            let mut kinds = warnings.clone();
+            kinds.sort_unstable();
+            kinds.dedup();
+            let action: Vec<String> = p.action.iter().map(|u| signed(*u, 2)).collect();
+            format!(
+                "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td>{}{}</td><td>{}</td>\
+                 <td>{}</td></tr>",
+                i.iteration,
+                i.strides,
+                number(p.speed_m_s, 3),
+                crate::figures::verdict_words(&p.verdict),
+                if chosen { ", <b>final</b>" } else { "" },
+                escape(&if warnings.is_empty() {
+                    "\u{2013}".to_owned()
+                } else {
+                    format!("{}: {}", warnings.len(), kinds.join("; "))
+                }),
+                escape(&action.join(", "))
+            )
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let names: Vec<String> = run
+        .columns
+        .action
+        .iter()
+        .map(|a| plain(&label(a, "")))
+        .collect();
+    format!(
+        "<details><summary>Policies tried on the robot</summary><div class=\"wide\"><table><thead><tr><th class=\"num\">iteration</th>\
+         <th class=\"num\">strides</th><th class=\"num\">speed in the proof (m/s)</th><th>what became of it</th><th>warnings</th>\
+         <th>mean action</th></tr></thead><tbody>{rows}</tbody></table></div><p class=\"note\">Mean action: {}. Strides of the first \
+         iteration include the exploration.</p></details>",
+        subscripts(&names.join(", "))
     )
 }
 
 /// The paper and this software.
-pub(super) fn bibliography() -> String {
-    let entry = "@article{morimoto2009nonparametric,\n  author  = {Morimoto, Jun and Atkeson, Christopher G.},\n  title   = {Nonparametric \
-                 representation of an approximated {P}oincar\u{e9} map for learning biped locomotion},\n  journal = {Autonomous Robots},\n  \
-                 year    = {2009},\n  doi     = {10.1007/s10514-009-9133-z}\n}";
+pub(super) fn bibliography(runs: &[Run]) -> String {
+    let made = runs.iter().find_map(|r| r.provenance.as_ref());
+    let version = made.map_or("", |p| p.version.as_str());
+    let year = made.and_then(|p| p.start.get(..4)).unwrap_or("2026");
+    let model = made.map_or("", |p| p.model_hash.as_str());
+    let revision = made.and_then(|p| p.git_revision.as_deref());
+    let mut note = Vec::new();
+    if let Some(revision) = revision {
+        note.push(format!("revision {revision}"));
+    }
+    if !model.is_empty() {
+        note.push(format!("robot model {model}"));
+    }
+    let entry = format!(
+        "@article{{morimoto2009nonparametric,\n  author  = {{Morimoto, Jun and Atkeson, Christopher G.}},\n  title   = \
+         {{Nonparametric representation of an approximated {{P}}oincar\u{e9} map for learning biped locomotion}},\n  journal = \
+         {{Autonomous Robots}},\n  year    = {{2009}},\n  doi     = {{10.1007/s10514-009-9133-z}}\n}}\n\n@software{{stridemap,\n  \
+         title   = {{Stridemap: improves an existing walking controller from a few dozen real steps}},\n  version = {{{version}}},\n  \
+         author  = {{{{The Stridemap developers}}}},\n  year    = {{{year}}},\n  note    = {{{}}}\n}}",
+        note.join("; ")
+    );
     format!(
         "<h3>To cite</h3><p>J. Morimoto and C. G. Atkeson, <em>Nonparametric representation of an approximated Poincaré map for learning \
          biped locomotion</em>, Autonomous Robots, 2009, \
          <a href=\"https://doi.org/10.1007/s10514-009-9133-z\">doi:10.1007/s10514-009-9133-z</a>; and the version of Stridemap \
-         above.</p><pre>{}</pre>",
-        escape(entry)
+         that made the numbers.</p><pre tabindex=\"0\" aria-label=\"BibTeX entries\">{}</pre>",
+        escape(&entry)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plain_warnings;
+
+    #[test]
+    fn warnings_name_inputs_and_say_what_bounds_mean() {
+        let inputs = ["psi (deg)".to_owned(), "lean (deg)".to_owned()];
+        let warnings = [
+            "9 points repeat an earlier one",
+            "length_scales[1] = 7.269e2 is at its upper bound",
+            "length_scales[7] = 1 is at its upper bound",
+        ];
+        let said = plain_warnings(&warnings.map(str::to_owned), &inputs);
+        assert_eq!(said[0], "9 points repeat an earlier one");
+        assert_eq!(said[1], "length_scales[7] = 1 is at its upper bound");
+        assert!(
+            said[2].contains("hardly depends") && said[2].contains("on lean (deg) (length"),
+            "{}",
+            said[2]
+        );
+    }
 }

@@ -20,6 +20,10 @@ const REPLAY: &str = include_str!("../../assets/page/replay.js");
 const REGULAR: &[u8] = include_bytes!("../../assets/fonts/Inter-Regular.woff2");
 const SEMI_BOLD: &[u8] = include_bytes!("../../assets/fonts/Inter-SemiBold.woff2");
 
+/// Up to how many runs stand beside each other with all of their figures; more would neither fit on a screen
+/// nor into the size that a page may have.
+const MOST_BESIDE: usize = 4;
+
 /// Bytes that all recordings of a page may take, of the 6 MB that it may have.
 const POSE_BUDGET: usize = 2_600_000;
 
@@ -52,7 +56,11 @@ pub fn report_html(runs: &[Run]) -> Result<String> {
         format!("{} runs side by side", runs.len())
     };
     let mut page = Page::default();
-    let parts: Vec<Vec<Section>> = runs.iter().map(sections).collect();
+    let parts: Vec<Vec<Section>> = if runs.len() <= MOST_BESIDE {
+        runs.iter().map(sections).collect()
+    } else {
+        Vec::new()
+    };
 
     page.body.push_str("<main>");
     if let [run] = runs {
@@ -61,14 +69,36 @@ pub fn report_html(runs: &[Run]) -> Result<String> {
     } else {
         page.overview(runs);
     }
-    page.replays(runs);
-    let numbered: usize = parts.iter().map(Vec::len).max().unwrap_or(0);
-    for s in 0..numbered {
-        page.section(runs, &parts, s);
+    let beside = runs.len() <= MOST_BESIDE;
+    if beside {
+        page.replays(runs);
+        let numbered: usize = parts.iter().map(Vec::len).max().unwrap_or(0);
+        for s in 0..numbered {
+            page.section(runs, &parts, s);
+        }
+    } else {
+        page.body.push_str(&format!(
+            "<p class=\"note\">Figures and replays of each of the {} runs stand on the page in its own directory, report.html.</p>",
+            runs.len()
+        ));
     }
     page.made(runs);
     page.body.push_str("</main>");
     Ok(page.finish(&title, runs.len()))
+}
+
+/// The recordings of a run that its page shows: before and after, and under pushes.
+fn shown(run: &Run) -> [Vec<&(String, Recording)>; 2] {
+    let (pushed, calm): (Vec<_>, Vec<_>) = run
+        .recordings
+        .iter()
+        .filter(|r| !r.1.frames.is_empty())
+        .partition(|r| r.0.starts_with("push"));
+    let calm = match calm.as_slice() {
+        [first, .., last] => vec![*first, *last],
+        few => few.to_vec(),
+    };
+    [calm, pushed]
 }
 
 #[derive(Default)]
@@ -96,7 +126,9 @@ impl Page {
         self.body.push_str(&facts::overview(runs));
         for run in runs {
             let remarks = facts::remarks(run);
-            if !remarks.is_empty() {
+            // Of many runs only those with something to say.
+            let said = runs.len() <= MOST_BESIDE || remarks.contains("class=\"bad\"");
+            if said && !remarks.is_empty() {
                 self.body
                     .push_str(&format!("<h3>{}</h3>{remarks}", escape(&run.name)));
             }
@@ -213,85 +245,107 @@ impl Page {
 
     fn replays(&mut self, runs: &[Run]) {
         self.heading("replay", "The robot moving");
-        let shown: Vec<Vec<&(String, Recording)>> = runs
-            .iter()
-            .map(|run| match run.recordings.as_slice() {
-                [] => Vec::new(),
-                [only] => vec![only],
-                [first, .., last] => vec![first, last],
-            })
-            .collect();
+        // Before and after beside each other; below them the same under pushes, if the run was pushed.
+        let shown: Vec<[Vec<&(String, Recording)>; 2]> = runs.iter().map(shown).collect();
         let frames: usize = shown
             .iter()
             .flatten()
-            .map(|r| r.1.frames.len().max(1))
+            .flatten()
+            .map(|r| r.1.frames.len())
             .sum();
-        for (r, (run, recordings)) in runs.iter().zip(&shown).enumerate() {
+        let budget = POSE_BUDGET / frames.max(1);
+        for (r, (run, [calm, pushed])) in runs.iter().zip(&shown).enumerate() {
             if runs.len() > 1 {
                 self.body
                     .push_str(&format!("<h3>{}</h3>", escape(&run.name)));
             }
-            let recordings: Vec<_> = recordings
-                .iter()
-                .filter(|r| !r.1.frames.is_empty())
-                .collect();
-            if recordings.is_empty() {
+            if calm.is_empty() && pushed.is_empty() {
                 self.body
                     .push_str("<p class=\"note\">The run directory holds no recorded poses.</p>");
-                continue;
             }
-            let packed: Vec<_> = recordings
-                .iter()
-                .map(|rec| replay::pack(&rec.1, POSE_BUDGET / frames * rec.1.frames.len()))
-                .collect();
-            self.data.push_str(&format!(
-                "<script type=\"application/json\" id=\"poses-{r}\">{}</script>\n",
-                json(&packed)
-            ));
-            self.body.push_str(&format!(
-                "<div class=\"replay\" data-poses=\"poses-{r}\"><div class=\"views\">"
-            ));
-            for rec in &recordings {
-                let name = facts::recording_name(&rec.0);
-                self.body.push_str(&format!(
-                    "<div class=\"view\"><canvas tabindex=\"0\" role=\"img\" aria-label=\"Replay of the robot, {name}: {n} frames. \
-                     Arrow keys turn the view, plus and minus zoom, space plays\"></canvas>\
-                     <div class=\"name\">{name}</div><div class=\"hud\"></div></div>",
-                    name = escape(&name),
-                    n = rec.1.frames.len()
-                ));
+            self.player(&format!("poses-{r}"), calm, budget);
+            if !pushed.is_empty() {
+                self.body.push_str("<h3>Under pushes</h3>");
+                self.player(&format!("poses-{r}-push"), pushed, budget);
             }
-            self.body.push_str(
-                "</div><div class=\"bar\"><button class=\"play\">Play</button>\
-                 <input type=\"range\" min=\"0\" max=\"1\" step=\"0.01\" value=\"0\" aria-label=\"Time\"><output>0.00 s</output>\
-                 <label>Speed <select aria-label=\"Speed\"><option value=\"0.1\">0.1</option><option value=\"0.25\">0.25</option>\
-                 <option value=\"0.5\">0.5</option><option value=\"1\" selected>1</option><option value=\"2\">2</option></select></label>\
-                 <button class=\"reset\">Reset view</button></div>\
-                 <p class=\"legend\"><span class=\"sw\" style=\"background:var(--c2)\"></span>foot on the ground\
-                 <span class=\"sw\" style=\"background:var(--c1)\"></span>centre of pressure\
-                 <span class=\"sw\" style=\"background:var(--c3)\"></span>push. Drag to turn, Ctrl and wheel to come closer. A step is \
-                 counted at each section.",
-            );
-            if packed.iter().any(|p| p.every > 1) {
-                self.body.push_str(&format!(
-                    " To keep the page small, one frame in {} is kept.",
-                    packed.iter().map(|p| p.every).max().unwrap_or(1)
-                ));
-            }
-            self.body.push_str("</p></div>");
         }
+    }
+
+    /// One player: up to two recordings beside each other. `budget` is in bytes a frame.
+    fn player(&mut self, id: &str, recordings: &[&(String, Recording)], budget: usize) {
+        if recordings.is_empty() {
+            return;
+        }
+        let packed: Vec<_> = recordings
+            .iter()
+            .map(|rec| replay::pack(&rec.1, budget * rec.1.frames.len()))
+            .collect();
+        self.data.push_str(&format!(
+            "<script type=\"application/json\" id=\"{id}\">{}</script>\n",
+            json(&packed)
+        ));
+        self.body.push_str(&format!(
+            "<div class=\"replay\" data-poses=\"{id}\"><div class=\"views\">"
+        ));
+        for rec in recordings {
+            let name = facts::recording_name(&rec.0);
+            self.body.push_str(&format!(
+                "<div class=\"view\"><canvas tabindex=\"0\" role=\"img\" aria-label=\"Replay of the robot, {name}: {n} frames. \
+                 Arrow keys turn the view, plus and minus zoom, space plays\"></canvas>\
+                 <div class=\"name\">{name}</div><div class=\"hud\"></div></div>",
+                name = escape(&name),
+                n = rec.1.frames.len()
+            ));
+        }
+        self.body.push_str(
+            "</div><div class=\"bar\"><button class=\"play\">Play</button>\
+             <input type=\"range\" min=\"0\" max=\"1\" step=\"0.01\" value=\"0\" aria-label=\"Time\"><output>0.00 s</output>\
+             <label>Speed <select aria-label=\"Speed\"><option value=\"0.1\">0.1</option><option value=\"0.25\">0.25</option>\
+             <option value=\"0.5\">0.5</option><option value=\"1\" selected>1</option><option value=\"2\">2</option></select></label>\
+             <button class=\"reset\">Reset view</button></div>\
+             <p class=\"legend\"><span class=\"sw\" style=\"background:var(--c2)\"></span>foot on the ground\
+             <span class=\"sw\" style=\"background:var(--c1)\"></span>centre of pressure",
+        );
+        if recordings
+            .iter()
+            .any(|r| r.1.frames.iter().any(|f| f.push_n.is_some()))
+        {
+            self.body
+                .push_str("<span class=\"sw\" style=\"background:var(--c3)\"></span>push");
+        }
+        self.body.push_str(
+            ". Drag to turn, Ctrl and wheel to come closer. A step is counted at each section.",
+        );
+        if packed.iter().any(|p| p.every > 1) {
+            self.body.push_str(&format!(
+                " To keep the page small, one frame in {} is kept.",
+                packed.iter().map(|p| p.every).max().unwrap_or(1)
+            ));
+        }
+        self.body.push_str("</p></div>");
     }
 
     fn made(&mut self, runs: &[Run]) {
         self.heading("made", "How was it made?");
-        for run in runs {
+        let beside = if runs.len() <= MOST_BESIDE {
+            runs
+        } else {
+            &runs[..1]
+        };
+        if beside.len() < runs.len() {
+            self.body.push_str(&format!(
+                "<p class=\"note\">Of the first of the {} runs.</p>",
+                runs.len()
+            ));
+        }
+        for run in beside {
             if runs.len() > 1 {
                 self.body
                     .push_str(&format!("<h3>{}</h3>", escape(&run.name)));
             }
             self.body.push_str(&facts::provenance(run));
         }
-        self.body.push_str(&facts::bibliography());
+        self.body.push_str(&facts::bibliography(runs));
     }
 
     fn finish(self, title: &str, runs: usize) -> String {

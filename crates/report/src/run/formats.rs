@@ -58,6 +58,10 @@ pub struct StrideRow {
     pub what: String,
     /// Iteration of Algorithm 1, from 1; 0 outside.
     pub iteration: u32,
+    /// `collect` (exploring, or sampling the policy), `evaluate` (its mean, to try it) or `record`; empty
+    /// if unknown.
+    #[serde(default)]
+    pub phase: String,
     /// `training`, `evaluation` or `record`.
     pub role: String,
     /// Episode, one unbroken stretch of strides.
@@ -111,6 +115,20 @@ pub struct StrideCounts {
     pub record: u64,
 }
 
+/// A least-squares line through a return map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ReturnLine {
+    /// Slope, dimensionless.
+    pub slope: f64,
+    /// Standard error of the slope.
+    pub slope_std_error: f64,
+    /// Where the line meets the identity, degrees; `None` for a slope of one.
+    pub fixed_point_deg: Option<f64>,
+    /// Pairs behind the line.
+    pub pairs: u64,
+}
+
 /// A policy measured on the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -131,6 +149,42 @@ pub struct Measured {
     pub upright_s: Option<f64>,
     /// Distance from the start, metres.
     pub drift_m: Option<f64>,
+    /// Return map k to k + 1 without pushes.
+    pub return_map_1: Option<ReturnLine>,
+    /// Return map k to k + 2 without pushes.
+    pub return_map_2: Option<ReturnLine>,
+}
+
+/// What became of a policy that was tried on the robot before it was trusted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Proof {
+    /// `proven`, `slower`, `warned`, `fell` or `unfinished`.
+    pub verdict: String,
+    /// Speed along the first heading after the policy had settled, m/s.
+    pub speed_m_s: f64,
+    /// Mean action applied after the policy had settled.
+    pub action: Vec<f64>,
+}
+
+/// A box of actions.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Region {
+    /// Lowest, per component.
+    pub lower: Vec<f64>,
+    /// Highest, per component.
+    pub upper: Vec<f64>,
+}
+
+/// A warning of the guard.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Warning {
+    /// Stride among those of its iteration, from 1.
+    pub stride: usize,
+    /// `flip`, `turn` or `low_roll`.
+    pub warning: String,
 }
 
 /// One iteration in `summary.json`.
@@ -153,6 +207,12 @@ pub struct IterationSummary {
     pub mean_reward: Option<f64>,
     /// Speed of this iteration's policy, m/s.
     pub speed_m_s: Option<f64>,
+    /// What became of the policy on the robot; only where policies are proven.
+    pub proof: Option<Proof>,
+    /// Where the policy was allowed to lie; only where there is a trust region.
+    pub trust_region: Option<Region>,
+    /// Warnings of the guard.
+    pub warnings: Vec<Warning>,
 }
 
 /// Seconds of computing by purpose.
@@ -243,6 +303,10 @@ pub struct PushSummary {
     pub slope: Option<f64>,
     /// Where its line meets the identity, degrees.
     pub fixed_point_deg: Option<f64>,
+    /// Standard error of the slope.
+    pub slope_std_error: Option<f64>,
+    /// The same pushes, k to k + 1.
+    pub after_1: Option<ReturnLine>,
     /// Falls.
     pub falls: u32,
     /// Pairs behind the line.

@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 
 pub use formats::{
     Columns, Frame, IterationSummary, LearningRow, LeaveOneOut, MapCard, MapOutput, Measured, Pose,
-    Provenance, PushSummary, Recording, Seconds, Shape, ShapeKind, StrideCounts, StrideEnd,
-    StrideRow, Summary,
+    Proof, Provenance, PushSummary, Recording, Region, ReturnLine, Seconds, Shape, ShapeKind,
+    StrideCounts, StrideEnd, StrideRow, Summary, Warning,
 };
 use serde::de::DeserializeOwned;
 use table::Table;
 
 use crate::error::{ReportError, Result};
-use crate::figures::{MapGrid, PolicyGrid, ReturnPair};
+use crate::figures::{LineGrid, LineOutput, MapGrid, PolicyGrid, ReturnPair};
 
 /// Everything that a report shows of a run. What is missing is `None` or empty, and named in
 /// [`missing`](Run::missing); what cannot be read is named in [`problems`](Run::problems).
@@ -45,18 +45,31 @@ pub struct Run {
     pub policies: Vec<(u32, PolicyGrid)>,
     /// `figures/data/map-<iteration>.csv`, ascending.
     pub grids: Vec<(u32, MapGrid)>,
-    /// `poses/<what>.json`, nominal first, final last.
+    /// `figures/data/lines-<iteration>.csv`, ascending.
+    pub lines: Vec<(u32, LineGrid)>,
+    /// `poses/<what>.json`: nominal, iterations, final, and under pushes.
     pub recordings: Vec<(String, Recording)>,
     /// `lapse/<what>.json`: a picture now and then for a minute, nominal first, final last.
     pub lapses: Vec<(String, Recording)>,
     /// `push.csv` with `push.json`: the learned policy under pushes.
-    pub push: Option<(Vec<ReturnPair>, PushSummary)>,
+    pub push: Option<Pushed>,
     /// `push-nominal.csv` with `push-nominal.json`: the nominal gait under the same pushes.
-    pub push_nominal: Option<(Vec<ReturnPair>, PushSummary)>,
+    pub push_nominal: Option<Pushed>,
     /// Files that are not there.
     pub missing: Vec<String>,
     /// Files that are there and cannot be read, and why.
     pub problems: Vec<String>,
+}
+
+/// What pushes showed.
+#[derive(Clone, Debug, Default)]
+pub struct Pushed {
+    /// Pairs of states two strides apart.
+    pub pairs: Vec<ReturnPair>,
+    /// The same pushes one stride apart: the state at section k + 1 of each pair, degrees; empty if unknown.
+    pub after_1_deg: Vec<f64>,
+    /// Lines, falls, setting.
+    pub summary: PushSummary,
 }
 
 impl Run {
@@ -142,6 +155,19 @@ impl Run {
                 iterations.iter().find(|i| i.iteration == number)?.speed_m_s
             }
         }
+    }
+
+    /// The quantity that the task rewards, if it is a single one rewarded as it is: `speed_m_s`.
+    #[must_use]
+    pub fn reward_quantity(&self) -> Option<String> {
+        let table: toml::Table = self.config.as_deref()?.parse().ok()?;
+        let number = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
+        let [only] = table.get("reward")?.as_array()?.as_slice() else {
+            return None;
+        };
+        let weight = only.get("weight").and_then(number)?;
+        let quantity = only.get("quantity")?.as_str()?;
+        ((weight - 1.0).abs() < 1e-12 && !quantity.ends_with("_error")).then(|| quantity.to_owned())
     }
 
     /// Whether the run reached its end.
@@ -235,6 +261,12 @@ impl Run {
         if self.grids.is_empty() {
             self.missing.push("figures/data/map-*.csv".to_owned());
         }
+        for iteration in numbered(&data, "lines-", ".csv") {
+            let file = format!("figures/data/lines-{iteration}.csv");
+            if let Some(grid) = self.csv(&file, |t| line_grid(t, columns)) {
+                self.lines.push((iteration, grid));
+            }
+        }
     }
 
     fn read_poses(&mut self, folder: &str) -> Vec<(String, Recording)> {
@@ -252,6 +284,8 @@ impl Run {
         let rank = |n: &str| match n {
             "nominal" => (0, 0),
             "final" => (2, 0),
+            "push-nominal" => (3, 0),
+            "push" => (4, 0),
             other => (
                 1,
                 other
@@ -275,8 +309,8 @@ impl Run {
         recordings
     }
 
-    fn read_push(&mut self, stem: &str) -> Option<(Vec<ReturnPair>, PushSummary)> {
-        let pairs = self.csv(&format!("{stem}.csv"), |t| {
+    fn read_push(&mut self, stem: &str) -> Option<Pushed> {
+        let (pairs, after_1_deg) = self.csv(&format!("{stem}.csv"), |t| {
             let (a, b) = (
                 t.numbers("psi_roll_deg")?,
                 t.numbers("psi_roll_after_2_deg")?,
@@ -291,9 +325,19 @@ impl Run {
                     psi_roll_after_2_deg: b,
                     force_n: f.is_finite().then_some(f),
                 });
-            Ok(pairs.collect::<Vec<_>>())
+            // Runs of an earlier version have no such column.
+            let after_1 = t.find("psi_roll_after_1_deg");
+            let after_1 = after_1.map(|_| t.numbers("psi_roll_after_1_deg"));
+            Ok((
+                pairs.collect::<Vec<_>>(),
+                after_1.transpose()?.unwrap_or_default(),
+            ))
         })?;
-        Some((pairs, self.json(&format!("{stem}.json"))?))
+        Some(Pushed {
+            pairs,
+            after_1_deg,
+            summary: self.json(&format!("{stem}.json"))?,
+        })
     }
 }
 
@@ -358,7 +402,7 @@ fn strides(t: &Table, columns: &Columns) -> Result<Vec<StrideRow>> {
         t.column("reward")?,
         t.column("end")?,
     );
-    let what = t.find("what");
+    let (what, phase) = (t.find("what"), t.find("phase"));
     let numbers = |row: usize, at: &[usize]| -> Result<Vec<f64>> {
         at.iter().map(|c| t.number(row, *c)).collect()
     };
@@ -367,6 +411,7 @@ fn strides(t: &Table, columns: &Columns) -> Result<Vec<StrideRow>> {
             Ok(StrideRow {
                 what: what.map_or_else(String::new, |c| t.word(row, c).to_owned()),
                 iteration: t.count(row, iteration)? as u32,
+                phase: phase.map_or_else(String::new, |c| t.word(row, c).to_owned()),
                 role: t.word(row, role).to_owned(),
                 episode: t.count(row, episode)?,
                 k: t.count(row, k)?,
@@ -463,6 +508,32 @@ fn map_grid(t: &Table, columns: &Columns) -> Result<MapGrid> {
         mean: per("mean_", &columns.state)?,
         latent_std: per("latent_std_", &columns.state)?,
         noise_std: per("noise_std_", &columns.state)?,
+    })
+}
+
+fn line_grid(t: &Table, columns: &Columns) -> Result<LineGrid> {
+    let along = t.column("along")?;
+    let outputs = t.header.iter().filter_map(|h| h.strip_prefix("mean_"));
+    Ok(LineGrid {
+        along: (0..t.rows.len())
+            .map(|r| Ok(t.count(r, along)? as usize))
+            .collect::<Result<_>>()?,
+        inputs: columns
+            .state
+            .iter()
+            .chain(&columns.action)
+            .map(|name| t.numbers(name))
+            .collect::<Result<_>>()?,
+        outputs: outputs
+            .map(|name| {
+                Ok(LineOutput {
+                    name: name.to_owned(),
+                    mean: t.numbers(&format!("mean_{name}"))?,
+                    latent_std: t.numbers(&format!("latent_std_{name}"))?,
+                    noise_std: t.numbers(&format!("noise_std_{name}"))?,
+                })
+            })
+            .collect::<Result<_>>()?,
     })
 }
 

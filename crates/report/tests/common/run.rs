@@ -158,12 +158,14 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
     put("summary.json", &format!("{{\"experiment\":\"stepping\",\"seed\":{seed},\"strides\":{{\"training\":80,\"evaluation\":0,\"warm_up\":0,\"record\":120}},\"iterations\":[{}],\"nominal\":{{\"strides\":100,\"mean_reward\":-0.1021,\"mean_psi_roll_deg\":3.01,\"falls\":0,\"stalls\":0}},\"final\":{{\"strides\":100,\"mean_reward\":-0.00062,\"mean_psi_roll_deg\":2.004,\"falls\":0,\"stalls\":0,\"speed_m_s\":null}},\"seconds\":{{\"simulation\":1.1,\"fit\":0.01,\"improve\":0.2,\"total\":1.31}}}}",
         (1..=4).map(|i| format!("{{\"iteration\":{i},\"strides\":20,\"falls\":{},\"strides_so_far\":{},\"falls_so_far\":{falls},\"log_marginal_likelihood\":[12.3],\"mean_reward\":{}}}", if i == 2 { falls } else { 0 }, 20 * i, -0.02 / f64::from(i * i * i) - 0.0006)).collect::<Vec<_>>().join(",")));
     for (stem, slope, fixed, falls) in [("push", 0.12, 2.03, 0), ("push-nominal", 0.66, 3.02, 1)] {
-        let mut csv = String::from("k,psi_roll_deg,psi_roll_after_2_deg,force_n\n");
+        let mut csv =
+            String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
         for k in 0..39 {
             let psi = fixed + 0.9 * rng.normal();
             csv.push_str(&format!(
-                "{},{psi},{},{}\n",
+                "{},{psi},{},{},{}\n",
                 10 + 4 * k,
+                fixed + 0.5 * (psi - fixed),
                 fixed + slope * (psi - fixed) + 0.1 * rng.normal(),
                 80.0 * (rng.uniform() - 0.5)
             ));
@@ -212,6 +214,25 @@ fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
         }
     }
     put(&format!("figures/data/map-{i}.csv"), &map);
+    let mut lines = String::from(
+        "along,psi_roll_deg,step_amplitude_deg,mean_psi_roll_deg,latent_std_psi_roll_deg,noise_std_psi_roll_deg\n",
+    );
+    for along in 0..2 {
+        for j in 0..=40 {
+            let t = f64::from(j) / 20.0 - 1.0;
+            let (x, u) = if along == 0 {
+                (2.2 + t, 1.9)
+            } else {
+                (2.2, 1.9 + 2.0 * t)
+            };
+            let mean = 2.13 + 0.5 * (x - 2.2) - 0.22 * (u - 1.9);
+            lines.push_str(&format!(
+                "{along},{x},{u},{mean},{},0.08\n",
+                0.03 + 0.1 * t * t
+            ));
+        }
+    }
+    put(&format!("figures/data/lines-{i}.csv"), &lines);
     let n = 20 * i as usize;
     let actual: Vec<f64> = (0..n).map(|_| 2.2 + 0.5 * rng.normal()).collect();
     let mean: Vec<f64> = actual.iter().map(|a| a + 0.09 * rng.normal()).collect();
