@@ -29,6 +29,7 @@ mod feedback;
 mod guard;
 mod guarded;
 mod learners;
+mod mean_roll;
 mod measure;
 mod pessimism;
 mod plant;
@@ -45,6 +46,7 @@ mod steering;
 mod strides;
 mod task;
 mod trust;
+mod truth;
 mod walk;
 
 pub use algorithm::{
@@ -62,6 +64,7 @@ pub use feedback::{JacobianFeedbackConfig, StrideModel, stride_model, with_feedb
 pub use guard::{Guard, GuardConfig, GuardThresholds, Warning};
 pub use guarded::GuardedExplorer;
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
+pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::{StrideMeasures, StrideMeter};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{
@@ -85,4 +88,4 @@ pub use task::{
     RecordConfig, SearchSettings, SuccessConfig, Task,
 };
 pub use trust::{Region, TrustConfig};
-pub use walk::{Walk, Walker};
+pub use walk::{Walk, WalkTimes, Walker};

@@ -95,6 +95,8 @@ pub struct Transition {
     pub measures: StrideMeasures,
     /// `ψ_roll` at its end as a simulator knows it, where the robot only estimates it. Not in files.
     pub true_psi_roll_deg: Option<f64>,
+    /// Way of the centre of mass along the episode's first heading, likewise. Not in files.
+    pub true_forward_m: Option<f64>,
 }
 
 /// Where actions on the robot come from.
@@ -258,6 +260,7 @@ pub fn drive(
             end: stride.end,
             measures: *plant.last_measures(),
             true_psi_roll_deg: plant.true_psi_roll_deg(),
+            true_forward_m: plant.true_forward_m(),
         };
         observe(&transition)?;
         if transition.end == StrideEnd::Crossing {
