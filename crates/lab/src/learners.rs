@@ -22,6 +22,7 @@ impl LearnerKind {
             Self::ActorCritic => "actor_critic",
             Self::Search => "search",
             Self::Constant => "constant",
+            Self::Integral => "integral",
             Self::Linear => "linear",
             Self::BayesOpt => "bayes_opt",
             Self::CmaEs => "cma_es",

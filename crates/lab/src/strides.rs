@@ -9,6 +9,7 @@ use stridemap_returnmap::{Action, State, StrideEnd, StrideProcess};
 use stridemap_robot::Side;
 
 use crate::error::LabError;
+use crate::integral::IntegralAction;
 use crate::measure::StrideMeasures;
 use crate::plant::Plant;
 use crate::task::ExploreConfig;
@@ -107,6 +108,8 @@ pub enum ActionSource<'a> {
     Sample(&'a dyn Policy, &'a [f64]),
     /// A policy's mean.
     Mean(&'a dyn Policy),
+    /// Integral action, of tasks with one action.
+    Integral(IntegralAction),
 }
 
 /// What the robot is to do after a stride.
@@ -155,6 +158,11 @@ impl Act for Actor<'_> {
         };
         match self.source {
             ActionSource::Mean(policy) => policy.mean(state),
+            ActionSource::Integral(law) => {
+                let next = law.next(self.center.first().copied(), state);
+                self.center = vec![next];
+                std::iter::once(next).collect()
+            }
             ActionSource::Sample(policy, noise) => {
                 let drawn = policy.sample(state, rng);
                 drawn

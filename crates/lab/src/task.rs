@@ -14,6 +14,7 @@ use crate::caution::CautionConfig;
 use crate::controls::ControlsConfig;
 use crate::error::{Invalid, LabError};
 use crate::feedback::JacobianFeedbackConfig;
+use crate::integral::IntegralConfig;
 use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
 use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
 use crate::strides::Performance;
@@ -84,6 +85,8 @@ pub enum LearnerKind {
     Search,
     /// Control without a map: every component at the bound of the trust region.
     Constant,
+    /// Control without a map: integral action on `ψ_roll`, then its mean held.
+    Integral,
     /// Control without a map: the corner of the trust region by regression of the stride's reward.
     Linear,
     /// Control without a map: Bayesian optimisation of the speed on the robot.
@@ -143,6 +146,9 @@ pub struct LearnerConfig {
     /// Parameters of the controls that search on the robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<ControlsConfig>,
+    /// Parameters of integral action, for tasks with one action that moves `ψ_roll`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub integral: Option<IntegralConfig>,
 }
 
 /// Algorithm 1 itself.
@@ -539,6 +545,21 @@ impl Task {
             LearnerKind::BayesOpt | LearnerKind::CmaEs => {
                 if self.controls()?.population < 4 {
                     return invalid("learner.controls.population", "must be at least 4".into());
+                }
+            }
+            LearnerKind::Integral => {
+                let fits = self.learner.integral.is_some_and(|c| {
+                    c.gain_per_deg.is_finite() && c.below_in_place_deg.is_finite()
+                });
+                if !fits
+                    || self.action.len() != 1
+                    || !self.state.contains(&StateComponent::PsiRollDeg)
+                {
+                    return invalid(
+                        "learner.integral",
+                        "is needed by integral action, finite, with one action and psi_roll_deg in the state"
+                            .into(),
+                    );
                 }
             }
             LearnerKind::ActorCritic | LearnerKind::Constant | LearnerKind::Linear => {}

@@ -45,6 +45,9 @@ pub fn compare(
     let own = task.learner.kind;
     let mut kinds = vec![own];
     kinds.extend(LearnerKind::CONTROLS.iter().filter(|k| **k != own));
+    if task.learner.integral.is_some() {
+        kinds.push(LearnerKind::Integral);
+    }
     let jobs: Vec<(LearnerKind, u64)> = (common.seed..common.seed + seeds)
         .flat_map(|seed| kinds.iter().map(move |k| (*k, seed)))
         .collect();
