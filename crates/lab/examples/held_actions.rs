@@ -5,6 +5,8 @@
 //! cargo run --example held_actions -- small-walking 101 4 9 10 11 12   # first seed, seeds, values
 //! ```
 
+#![allow(clippy::print_stdout, reason = "a table is what it is for")]
+
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
     Batch, StridePhase, StrideRole, Transition, Walk, WalkTimes, Walker, builtin, drive,

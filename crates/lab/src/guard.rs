@@ -4,8 +4,9 @@
 //! multiplier beyond −1), seen first in the pitch rate, in `ψ_roll` only one or two strides before the
 //! fall; and it turns. The guard warns when two successive changes of the pitch rate have opposite
 //! signs and are both large, when two strides together turn the robot by more than a straight walk
-//! does, when `ψ_roll` is low, or, on a robot with wide feet, when its running mean is high. Large and low are relative: to what the map cannot predict
-//! (its residual), and to the robot's own stepping in place.
+//! does, when `ψ_roll` is low, or, where asked for, when its running mean is high. Large, low and high
+//! are relative: to what the map cannot predict (its residual), and to the robot's own stepping in
+//! place.
 
 use serde::{Deserialize, Serialize};
 

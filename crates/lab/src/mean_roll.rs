@@ -1,8 +1,7 @@
-//! The running mean of `ψ_roll`: what announces a fall on a robot with wide feet.
+//! The running mean of `ψ_roll`: what may announce a fall on a robot with wide feet.
 //!
-//! Such a robot does not alternate before it falls. It sways less and less far over its stance foot:
-//! the mean of `ψ_roll` over the last strides rises, for many strides before the fall, while a single
-//! `ψ_roll` is too noisy to tell anything.
+//! Such a robot need not alternate before it falls. It may sway less and less far over its stance foot:
+//! the mean of `ψ_roll` over the last strides rises, while a single one is too noisy to tell anything.
 
 use std::collections::VecDeque;
 
