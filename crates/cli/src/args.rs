@@ -99,6 +99,8 @@ pub enum LearnerName {
     Search,
     /// Without a map: every component at the bound.
     Constant,
+    /// Without a map: integral action on psi_roll, then its mean.
+    Integral,
     /// Without a map: regression of the reward on the action.
     Linear,
     /// Without a map: Bayesian optimisation on the robot.
@@ -113,6 +115,7 @@ impl From<LearnerName> for LearnerKind {
             LearnerName::ActorCritic => Self::ActorCritic,
             LearnerName::Search => Self::Search,
             LearnerName::Constant => Self::Constant,
+            LearnerName::Integral => Self::Integral,
             LearnerName::Linear => Self::Linear,
             LearnerName::BayesOpt => Self::BayesOpt,
             LearnerName::CmaEs => Self::CmaEs,

@@ -646,10 +646,13 @@ impl<'a> Algorithm<'a> {
         // A film of the first policy learned as well: the paper shows it stepping.
         let film = !what.starts_with("iteration") || what == "iteration-1";
         let filming = self.film(true, film);
-        let result = match self.task.record.walk_s {
-            Some(seconds) => {
-                self.walk_on_robot(policy, batch, (what, seconds), stream_index, recorder)
-            }
+        let times = if what.starts_with("iteration") {
+            self.task.record.iteration_walk()
+        } else {
+            self.task.record.walk()
+        };
+        let result = match times {
+            Some(t) => self.walk_on_robot(policy, batch, (what, t.walk_s), stream_index, recorder),
             None => self
                 .strides_on_robot(
                     Some(policy),
@@ -664,9 +667,8 @@ impl<'a> Algorithm<'a> {
         let transitions = result?;
         takes.keep(what, &transitions, recorder)?;
         self.progress.record_strides += transitions.len();
-        let walk_s = self.task.record.walk_s;
         Ok(Performance {
-            walk: walk_s.map(|seconds| Walk::of(&transitions, seconds)),
+            walk: times.map(|times| Walk::of(&transitions, times)),
             ..Performance::of(&transitions, discard)
         })
     }

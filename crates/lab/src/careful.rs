@@ -18,6 +18,7 @@ use crate::error::LabError;
 use crate::feedback::with_feedback;
 use crate::guard::GuardWarning;
 use crate::guarded::GuardedExplorer;
+use crate::integral::{self, IntegralAction};
 use crate::pessimism::{CautiousMap, CautiousWorld};
 use crate::plant::{InPlace, PlantCounters};
 use crate::proof::{Proof, Prover, Verdict, shrunk};
@@ -109,9 +110,24 @@ impl Algorithm<'_> {
         let started = Instant::now();
         let mut rng = stream(self.seed, Role::Collect, stream_index);
         let limits = self.task.action_limits()?;
-        let source = ActionSource::Explore(&self.task.collect.explore);
         // A start of its own tells how the robot steps in place; the batch starts afresh.
         self.plant.reset(&mut rng.clone())?;
+        let psi_roll = self
+            .task
+            .state
+            .iter()
+            .position(|c| *c == StateComponent::PsiRollDeg);
+        let source = match (self.task.learner.kind, self.task.learner.integral, psi_roll) {
+            (LearnerKind::Integral, Some(config), Some(component)) => {
+                ActionSource::Integral(IntegralAction {
+                    component,
+                    target_deg: self.plant.in_place().psi_roll_deg - config.below_in_place_deg,
+                    gain_per_deg: config.gain_per_deg,
+                    limits: limits[0],
+                })
+            }
+            _ => ActionSource::Explore(&self.task.collect.explore),
+        };
         let guard = &caution.guard;
         let thresholds = guard.thresholds(self.plant.in_place(), 0.0);
         let mut explorer = GuardedExplorer::new(
@@ -183,6 +199,7 @@ impl Algorithm<'_> {
         };
         match (task.learner.kind, map) {
             (LearnerKind::Constant, _) => constant(&controls::grown(&region, &limits, &explored)),
+            (LearnerKind::Integral, _) => constant(&integral::held(&progress.transitions)?),
             (LearnerKind::Linear, _) => constant(&controls::linear(&region, &training)?),
             (LearnerKind::BayesOpt, _) => {
                 let config = task.controls()?;

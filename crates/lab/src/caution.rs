@@ -88,6 +88,14 @@ impl CautionConfig {
                 ),
             );
         }
+        if let Some(m) = &g.mean_psi_roll
+            && !(m.strides > 0 && m.above_in_place_deg.is_finite())
+        {
+            return invalid(
+                "guard.mean_psi_roll",
+                "needs at least 1 stride and a finite above_in_place_deg".into(),
+            );
+        }
         for (key, list, positive) in [
             ("trust.unit", &t.unit, true),
             ("proof.back_off", &f.back_off, false),

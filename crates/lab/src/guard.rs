@@ -4,11 +4,13 @@
 //! multiplier beyond −1), seen first in the pitch rate, in `ψ_roll` only one or two strides before the
 //! fall; and it turns. The guard warns when two successive changes of the pitch rate have opposite
 //! signs and are both large, when two strides together turn the robot by more than a straight walk
-//! does, or when `ψ_roll` is low. Large and low are relative: to what the map cannot predict
-//! (its residual), and to the robot's own stepping in place.
+//! does, when `ψ_roll` is low, or, where asked for, when its running mean is high. Large, low and high
+//! are relative: to what the map cannot predict (its residual), and to the robot's own stepping in
+//! place.
 
 use serde::{Deserialize, Serialize};
 
+use crate::mean_roll::{MeanRoll, MeanRollConfig, MeanRollLimit};
 use crate::measure::StrideMeasures;
 use crate::plant::InPlace;
 
@@ -30,6 +32,9 @@ pub struct GuardConfig {
     pub residual_stds: f64,
     /// `ψ_roll` this far below its mean in place is low, deg.
     pub psi_roll_below_in_place_deg: f64,
+    /// When the running mean of `ψ_roll` is high; left out: not watched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_psi_roll: Option<MeanRollConfig>,
 }
 
 /// Thresholds in the robot's own units.
@@ -43,6 +48,8 @@ pub struct GuardThresholds {
     pub heading_deg: f64,
     /// A section with `ψ_roll` below this warns.
     pub psi_roll_below_deg: f64,
+    /// A running mean of `ψ_roll` above this warns.
+    pub mean_psi_roll: Option<MeanRollLimit>,
 }
 
 impl GuardConfig {
@@ -62,6 +69,7 @@ impl GuardConfig {
     ///     exploring_factor: 2.0,
     ///     residual_stds: 2.0,
     ///     psi_roll_below_in_place_deg: 2.0,
+    ///     mean_psi_roll: None,
     /// };
     /// let in_place = InPlace { sections: 9, psi_roll_deg: -0.8, pitch_rate_change_deg_s: 0.5 };
     /// let t = config.thresholds(in_place, 0.25);
@@ -77,6 +85,7 @@ impl GuardConfig {
             turn_deg: self.turn_deg,
             heading_deg: self.heading_deg,
             psi_roll_below_deg: in_place.psi_roll_deg - self.psi_roll_below_in_place_deg,
+            mean_psi_roll: self.mean_psi_roll.map(|m| m.limit(in_place.psi_roll_deg)),
         }
     }
 }
@@ -113,6 +122,8 @@ pub enum Warning {
     Turn,
     /// The mass is near the outer edge of the foot.
     LowRoll,
+    /// The mass sways less and less far over the foot.
+    HighMeanRoll,
 }
 
 /// Watches the strides of one episode.
@@ -125,12 +136,13 @@ pub struct Guard {
     last_change: f64,
     last_turn_deg: f64,
     heading_deg: f64,
+    mean_roll: MeanRoll,
 }
 
 impl Guard {
     /// A guard at the beginning of an episode.
     #[must_use]
-    pub const fn new(config: &GuardConfig, thresholds: GuardThresholds) -> Self {
+    pub fn new(config: &GuardConfig, thresholds: GuardThresholds) -> Self {
         Self {
             thresholds,
             silent: config.silent_strides,
@@ -139,6 +151,7 @@ impl Guard {
             last_change: 0.0,
             last_turn_deg: 0.0,
             heading_deg: 0.0,
+            mean_roll: MeanRoll::default(),
         }
     }
 
@@ -157,12 +170,16 @@ impl Guard {
         let heading_deg = self.heading_deg - 0.5 * measures.turn_deg;
         let turns = (measures.turn_deg + turn_before).abs() > self.thresholds.turn_deg
             || heading_deg.abs() > self.thresholds.heading_deg;
+        let limit = self.thresholds.mean_psi_roll;
+        let high = limit.is_some_and(|l| self.mean_roll.is_high(measures.psi_roll_deg, l));
         if self.seen > self.silent && flips {
             Some(Warning::Flip)
         } else if self.seen > self.silent && turns {
             Some(Warning::Turn)
         } else if measures.psi_roll_deg < self.thresholds.psi_roll_below_deg {
             Some(Warning::LowRoll)
+        } else if high {
+            Some(Warning::HighMeanRoll)
         } else {
             None
         }
@@ -182,6 +199,7 @@ mod tests {
             exploring_factor: 1.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
+            mean_psi_roll: None,
         };
         let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
         let stride = |rate: &f64| StrideMeasures {
@@ -217,6 +235,7 @@ mod tests {
             exploring_factor: 1.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
+            mean_psi_roll: None,
         };
         let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
         let mut seen = |turn_deg| {
@@ -239,6 +258,7 @@ mod tests {
             exploring_factor: 1.0,
             residual_stds: 0.0,
             psi_roll_below_in_place_deg: 1.0,
+            mean_psi_roll: None,
         };
         let in_place = InPlace::of(&[(-0.8, 1.0), (-0.8, 1.5)]);
         assert!((in_place.pitch_rate_change_deg_s - 0.5).abs() < 1e-12);

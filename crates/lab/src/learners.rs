@@ -9,6 +9,7 @@ use crate::compare::Spread;
 use crate::error::LabError;
 use crate::run::Summary;
 use crate::task::{LearnerKind, Task};
+use crate::walk::WalkTimes;
 
 impl LearnerKind {
     /// The controls, which use no map of the robot's state.
@@ -21,6 +22,7 @@ impl LearnerKind {
             Self::ActorCritic => "actor_critic",
             Self::Search => "search",
             Self::Constant => "constant",
+            Self::Integral => "integral",
             Self::Linear => "linear",
             Self::BayesOpt => "bayes_opt",
             Self::CmaEs => "cma_es",
@@ -126,10 +128,16 @@ fn median(values: &[f64]) -> f64 {
 }
 
 impl LearnerRow {
-    /// Sums up the runs of one learner. `walk_s` is how long a measured policy walks.
+    /// Sums up the runs of one learner.
     #[must_use]
-    pub fn of(learner: LearnerKind, runs: &[Summary], walk_s: f64, budget: usize) -> Self {
+    pub fn of(learner: LearnerKind, runs: &[Summary], task: &Task) -> Self {
         const STEP: usize = 20;
+        let budget = task.algorithm.strides_at_most.unwrap_or(300);
+        let walks = |times: Option<WalkTimes>| times.map_or(0.0, |t| t.walk_s);
+        let (first_s, final_s) = (
+            walks(task.record.iteration_walk()),
+            walks(task.record.walk()),
+        );
         let firsts = || runs.iter().filter_map(|r| r.iterations.first());
         let finals = || runs.iter().filter_map(|r| r.final_policy);
         let speed_at = |run: &Summary, strides: usize| {
@@ -169,11 +177,11 @@ impl LearnerRow {
             learner,
             first_speed_m_s: firsts().map(|i| i.speed_m_s.unwrap_or(0.0)).collect(),
             first_falls: firsts()
-                .filter(|i| i.upright_s.is_some_and(|s| s < walk_s))
+                .filter(|i| i.upright_s.is_some_and(|s| s < first_s))
                 .count(),
             final_speed_m_s: finals().map(|f| f.speed_m_s.unwrap_or(0.0)).collect(),
             final_upright: finals()
-                .filter(|f| f.upright_s.is_some_and(|s| s >= walk_s))
+                .filter(|f| f.upright_s.is_some_and(|s| s >= final_s))
                 .count(),
             falls: runs
                 .iter()

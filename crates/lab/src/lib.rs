@@ -28,7 +28,9 @@ mod error;
 mod feedback;
 mod guard;
 mod guarded;
+mod integral;
 mod learners;
+mod mean_roll;
 mod measure;
 mod pessimism;
 mod plant;
@@ -46,6 +48,7 @@ mod steering;
 mod strides;
 mod task;
 mod trust;
+mod truth;
 mod walk;
 
 pub use algorithm::{
@@ -62,7 +65,9 @@ pub use error::{Invalid, LabError};
 pub use feedback::{JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
 pub use guarded::GuardedExplorer;
+pub use integral::{IntegralAction, IntegralConfig};
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
+pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::{StrideMeasures, StrideMeter};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{
@@ -87,4 +92,4 @@ pub use task::{
     RecordConfig, SearchSettings, SuccessConfig, Task,
 };
 pub use trust::{Region, TrustConfig};
-pub use walk::{Walk, Walker};
+pub use walk::{Walk, WalkTimes, Walker};

@@ -19,6 +19,7 @@ use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 use crate::error::LabError;
 use crate::measure::{StrideMeasures, StrideMeter, wrapped_rad};
 use crate::reward::{RewardTerm, StateComponent, reward};
+use crate::truth::TrueWay;
 
 /// When a stride counts as a fall or a stall, and what that costs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -173,6 +174,7 @@ pub struct Plant {
     observer: Option<Box<dyn TickObserver>>,
     abort_reason: Option<RobotError>,
     true_psi_roll_deg: Option<f64>,
+    true_way: TrueWay,
     log: Option<Box<dyn StrideObserver>>,
 }
 
@@ -220,6 +222,7 @@ impl Plant {
             observer: None,
             abort_reason: None,
             true_psi_roll_deg: None,
+            true_way: TrueWay::default(),
             log: None,
         })
     }
@@ -264,6 +267,13 @@ impl Plant {
     #[must_use]
     pub const fn true_psi_roll_deg(&self) -> Option<f64> {
         self.true_psi_roll_deg
+    }
+
+    /// Way of the centre of mass in the last stride along the episode's first heading as a simulator
+    /// knows it, where the robot only estimates it.
+    #[must_use]
+    pub fn true_forward_m(&self) -> Option<f64> {
+        self.true_way.forward_m(self.robot.true_state()?)
     }
 
     /// The action that the next stride starts from.
@@ -435,6 +445,7 @@ impl Plant {
                     }
                     self.in_place = InPlace::of(&sections);
                     self.meter.begin_episode(self.robot.state());
+                    self.true_way.begin_episode(self.robot.true_state());
                     let measures = self.measured(Some(&crossing.pendulum));
                     return Ok(Some(self.state_of(&measures)));
                 }
@@ -488,6 +499,7 @@ impl StrideProcess for Plant {
                 .map_err(world)?;
         }
         self.meter.begin_stride(self.robot.state());
+        self.true_way.begin_stride(self.robot.true_state());
         self.counters.strides += 1;
         let (end, pendulum) = match self.run_to_section() {
             Ok(Outcome::Crossing(crossing)) => (StrideEnd::Crossing, Some(crossing.pendulum)),

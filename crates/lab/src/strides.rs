@@ -9,6 +9,7 @@ use stridemap_returnmap::{Action, State, StrideEnd, StrideProcess};
 use stridemap_robot::Side;
 
 use crate::error::LabError;
+use crate::integral::IntegralAction;
 use crate::measure::StrideMeasures;
 use crate::plant::Plant;
 use crate::return_line::ReturnMapLine;
@@ -96,6 +97,8 @@ pub struct Transition {
     pub measures: StrideMeasures,
     /// `ψ_roll` at its end as a simulator knows it, where the robot only estimates it. Not in files.
     pub true_psi_roll_deg: Option<f64>,
+    /// Way of the centre of mass along the episode's first heading, likewise. Not in files.
+    pub true_forward_m: Option<f64>,
 }
 
 /// Where actions on the robot come from.
@@ -106,6 +109,8 @@ pub enum ActionSource<'a> {
     Sample(&'a dyn Policy, &'a [f64]),
     /// A policy's mean.
     Mean(&'a dyn Policy),
+    /// Integral action, of tasks with one action.
+    Integral(IntegralAction),
 }
 
 /// What the robot is to do after a stride.
@@ -154,6 +159,11 @@ impl Act for Actor<'_> {
         };
         match self.source {
             ActionSource::Mean(policy) => policy.mean(state),
+            ActionSource::Integral(law) => {
+                let next = law.next(self.center.first().copied(), state);
+                self.center = vec![next];
+                std::iter::once(next).collect()
+            }
             ActionSource::Sample(policy, noise) => {
                 let drawn = policy.sample(state, rng);
                 drawn
@@ -259,6 +269,7 @@ pub fn drive(
             end: stride.end,
             measures: *plant.last_measures(),
             true_psi_roll_deg: plant.true_psi_roll_deg(),
+            true_forward_m: plant.true_forward_m(),
         };
         observe(&transition)?;
         if transition.end == StrideEnd::Crossing {

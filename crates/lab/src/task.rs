@@ -14,9 +14,11 @@ use crate::caution::CautionConfig;
 use crate::controls::ControlsConfig;
 use crate::error::{Invalid, LabError};
 use crate::feedback::JacobianFeedbackConfig;
+use crate::integral::IntegralConfig;
 use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
 use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
 use crate::strides::Performance;
+use crate::walk::WalkTimes;
 
 /// One component of the action.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,6 +85,8 @@ pub enum LearnerKind {
     Search,
     /// Control without a map: every component at the bound of the trust region.
     Constant,
+    /// Control without a map: integral action on `ψ_roll`, then its mean held.
+    Integral,
     /// Control without a map: the corner of the trust region by regression of the stride's reward.
     Linear,
     /// Control without a map: Bayesian optimisation of the speed on the robot.
@@ -142,6 +146,9 @@ pub struct LearnerConfig {
     /// Parameters of the controls that search on the robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<ControlsConfig>,
+    /// Parameters of integral action, for tasks with one action that moves `ψ_roll`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub integral: Option<IntegralConfig>,
 }
 
 /// Algorithm 1 itself.
@@ -181,8 +188,33 @@ pub struct RecordConfig {
     /// strides; left out: by strides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk_s: Option<f64>,
+    /// The speed is that of the first so many seconds of a walk, and an iteration's policy walks no
+    /// longer; left out: all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_s: Option<f64>,
     /// Seconds of motion recorded of the nominal gait and of the final policy, to be looked at.
     pub pose_seconds: f64,
+}
+
+impl RecordConfig {
+    /// How long the nominal gait and the final policy walk; `None` if they are measured by strides.
+    #[must_use]
+    pub fn walk(&self) -> Option<WalkTimes> {
+        let walk_s = self.walk_s?;
+        Some(WalkTimes {
+            walk_s,
+            speed_s: self.speed_s.unwrap_or(walk_s),
+        })
+    }
+
+    /// How long an iteration's policy walks.
+    #[must_use]
+    pub fn iteration_walk(&self) -> Option<WalkTimes> {
+        self.walk().map(|w| WalkTimes {
+            walk_s: w.speed_s,
+            ..w
+        })
+    }
 }
 
 /// When a run counts as a success, in the summary over seeds.
@@ -262,12 +294,11 @@ impl Task {
             (Some(within), Some(target)) => (measured.mean_psi_roll_deg - target).abs() <= within,
             _ => true,
         };
-        let fast = match (s.speed_m_s_at_least, measured.walk, self.record.walk_s) {
-            (Some(least), Some(walk), Some(seconds)) => {
-                walk.speed_m_s >= least && walk.upright_s >= seconds
-            }
-            (Some(_), _, _) => false,
-            (None, _, _) => true,
+        let fast = match (s.speed_m_s_at_least, measured.walk) {
+            // A walk that does not fall (below) or stall goes on for as long as it was asked to.
+            (Some(least), Some(walk)) => walk.speed_m_s >= least && measured.stalls == 0,
+            (Some(_), None) => false,
+            (None, _) => true,
         };
         measured.mean_reward >= s.mean_reward_at_least
             && on_target
@@ -447,6 +478,14 @@ impl Task {
         {
             return invalid("record.walk_s".into(), "must be 1 to 3600 s".into());
         }
+        if let Some(speed_s) = self.record.speed_s
+            && !(speed_s >= 1.0 && self.record.walk_s.is_some_and(|walk_s| speed_s <= walk_s))
+        {
+            return invalid(
+                "record.speed_s".into(),
+                format!("is {speed_s}, must be at least 1 s and at most record.walk_s"),
+            );
+        }
         if let Some(caution) = &self.caution {
             caution.validate(m)?;
         }
@@ -512,6 +551,21 @@ impl Task {
             LearnerKind::BayesOpt | LearnerKind::CmaEs => {
                 if self.controls()?.population < 4 {
                     return invalid("learner.controls.population", "must be at least 4".into());
+                }
+            }
+            LearnerKind::Integral => {
+                let fits = self.learner.integral.is_some_and(|c| {
+                    c.gain_per_deg.is_finite() && c.below_in_place_deg.is_finite()
+                });
+                if !fits
+                    || self.action.len() != 1
+                    || !self.state.contains(&StateComponent::PsiRollDeg)
+                {
+                    return invalid(
+                        "learner.integral",
+                        "is needed by integral action, finite, with one action and psi_roll_deg in the state"
+                            .into(),
+                    );
                 }
             }
             LearnerKind::ActorCritic | LearnerKind::Constant | LearnerKind::Linear => {}

@@ -76,6 +76,35 @@ fn every_learner_keeps_the_books() {
     }
 }
 
+/// The small humanoid under the same loop: its learner and the control that steers `ψ_roll`. Its
+/// odometry agrees with the simulator's way, and iterations' policies walk the first part only.
+#[test]
+fn the_small_humanoid_keeps_the_books() {
+    for kind in [LearnerKind::ActorCritic, LearnerKind::Integral] {
+        let loaded = builtin::load("small-walking", &[]).unwrap();
+        let mut task = loaded.on(None, 3).unwrap().task;
+        task.learner.kind = kind;
+        task.collect.strides = vec![30, 0];
+        task.learner.actor_critic.trials = 20;
+        task.algorithm.strides_at_most = Some(60);
+        task.algorithm.iterations = 1;
+        task.record.walk_s = Some(12.0);
+        task.record.speed_s = Some(8.0);
+        task.record.pose_seconds = 0.0;
+        task.validate().unwrap();
+        let (summary, falls) = learned(&task, 3);
+        assert_eq!(falls, 0, "{kind:?}");
+        assert_eq!(summary.iterations[0].upright_s, Some(8.0), "{kind:?}");
+        let walk = summary.final_policy.unwrap().performance.walk.unwrap();
+        assert!((walk.upright_s - 12.0).abs() < 1e-12, "{kind:?}");
+        let truth = walk.true_speed_m_s.unwrap();
+        assert!(
+            truth > 0.01 && (walk.speed_m_s - truth).abs() < 0.003,
+            "{walk:?}"
+        );
+    }
+}
+
 #[test]
 fn the_same_seed_gives_the_same_policy() {
     let task = small("walking-single");

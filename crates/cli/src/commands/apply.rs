@@ -66,13 +66,13 @@ pub fn evaluate(
         strides: strides + DISCARD,
     };
     let mut rng = stream(common.seed, Role::Run, 0);
-    let performance = if let Some(seconds) = task.record.walk_s {
+    let performance = if let Some(times) = task.record.walk() {
         // Time ends the walk, whatever --strides says.
         let batch = Batch {
             strides: usize::MAX,
             ..batch
         };
-        let mut walker = Walker::new(&policy, seconds);
+        let mut walker = Walker::new(&policy, times.walk_s);
         let transitions = drive(
             &mut plant,
             &mut walker,
@@ -82,7 +82,7 @@ pub fn evaluate(
             &mut |_| Ok(()),
         )?;
         Performance {
-            walk: Some(Walk::of(&transitions, seconds)),
+            walk: Some(Walk::of(&transitions, times)),
             ..Performance::of(&transitions, DISCARD)
         }
     } else {

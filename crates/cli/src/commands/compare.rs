@@ -192,14 +192,17 @@ pub fn compare(
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
-    let loaded =
-        builtin::load(name, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
+    let task_of = |seed| -> Result<_, Failure> {
+        let loaded = builtin::load(name, &common.sets)?;
+        Ok(loaded.on(common.robot.map(Into::into), seed)?.task)
+    };
+    let task = task_of(common.seed)?;
     // On a robot that is known by its sensors alone there is no "full model" to learn on.
-    if (without_map || loaded.task.robot.estimated) && can_steer(&loaded.task) {
+    if (without_map || task.robot.estimated) && can_steer(&task) {
         return controls(name, seeds, out, common);
     }
-    if loaded.task.caution.is_some() && seeds > 0 {
-        return super::learners::compare(&loaded.task, seeds, out, common);
+    if task.caution.is_some() && seeds > 0 {
+        return super::learners::compare(&task_of, seeds, out, common);
     }
     let (comparison, arms) = run_arms(name, seeds, common)?;
     let dir = out.map_or_else(

@@ -33,33 +33,37 @@ struct Learners {
 }
 
 /// Runs the task's learner and the controls for several seeds, writes and prints the table.
+///
+/// `task_of` gives a seed's task: the robot may be another individual of its kind.
 pub fn compare(
-    task: &Task,
+    task_of: &(dyn Fn(u64) -> Result<Task, Failure> + Sync),
     seeds: u64,
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
+    let task = &task_of(common.seed)?;
     let own = task.learner.kind;
     let mut kinds = vec![own];
     kinds.extend(LearnerKind::CONTROLS.iter().filter(|k| **k != own));
+    if task.learner.integral.is_some() {
+        kinds.push(LearnerKind::Integral);
+    }
     let jobs: Vec<(LearnerKind, u64)> = (common.seed..common.seed + seeds)
         .flat_map(|seed| kinds.iter().map(move |k| (*k, seed)))
         .collect();
     let progress = SeedProgress::new(jobs.len());
     let results = parallel::over(&jobs, common.threads, |&(kind, seed)| {
-        let result = run_learner(task, kind, seed);
+        let result = task_of(seed).and_then(|task| Ok(run_learner(&task, kind, seed)?));
         progress.done(&format!("{} seed {seed}", kind.name()));
         result
     })?;
     let runs = results.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let walk_s = task.record.walk_s.unwrap_or(0.0);
-    let budget = task.algorithm.strides_at_most.unwrap_or(300);
     let rows: Vec<LearnerRow> = kinds
         .iter()
         .map(|kind| {
             let of_kind = jobs.iter().zip(&runs).filter(|((k, _), _)| k == kind);
             let own: Vec<_> = of_kind.map(|(_, run)| run.clone()).collect();
-            LearnerRow::of(*kind, &own, walk_s, budget)
+            LearnerRow::of(*kind, &own, task)
         })
         .collect();
     let ours = &rows[0];

@@ -300,6 +300,7 @@ pub fn strides_of_log(task: &Task, log: &Path) -> Result<Vec<Transition>, Failur
                 end: stride.end,
                 measures: *plant.last_measures(),
                 true_psi_roll_deg: None,
+                true_forward_m: None,
             });
             if stride.end != StrideEnd::Crossing {
                 break;

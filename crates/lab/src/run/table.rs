@@ -214,6 +214,7 @@ impl TransitionTable {
                 reward: number("reward")?,
                 end: ends[word("end", &ends.map(StrideEnd::name))?],
                 true_psi_roll_deg: None,
+                true_forward_m: None,
                 measures: StrideMeasures {
                     duration_s: optional("stride_duration_s")?,
                     forward_m: optional("stride_forward_m")?,
@@ -272,6 +273,7 @@ mod tests {
             reward: -0.25,
             end: StrideEnd::Crossing,
             true_psi_roll_deg: None,
+            true_forward_m: None,
             measures: StrideMeasures {
                 energy_j: 12.5,
                 ..Default::default()
