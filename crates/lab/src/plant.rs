@@ -240,7 +240,8 @@ impl Plant {
 
     /// The next stride of a batch that was made before, if there is one.
     pub(crate) fn next_recalled(&mut self, batch: &Batch) -> Option<Transition> {
-        let of_batch = |t: &mut Transition| (t.iteration, t.phase) == (batch.iteration, batch.phase);
+        let of_batch =
+            |t: &mut Transition| (t.iteration, t.phase) == (batch.iteration, batch.phase);
         let stride = self.recalled.pop_front_if(of_batch)?;
         self.counters.strides += 1;
         self.count_end(stride.end);

@@ -71,7 +71,10 @@ impl Refusals {
                 more(self.second_writer, before.second_writer),
                 "somebody else commands the robot as well",
             ),
-            (more(self.stale, before.stale), "the robot refused commands that came too late"),
+            (
+                more(self.stale, before.stale),
+                "the robot refused commands that came too late",
+            ),
             (
                 more(self.holds, before.holds) + more(self.damps, before.damps),
                 "the robot had no commands and held",

@@ -14,9 +14,7 @@ use stridemap_robot::{
 };
 
 use crate::error::LinkError;
-use crate::messages::{
-    Float64MultiArray, Header, RosMessage, RosTime, Text, to_cdr, to_messages,
-};
+use crate::messages::{Float64MultiArray, Header, RosMessage, RosTime, Text, to_cdr, to_messages};
 
 /// `std_msgs/String`: `"begin"` where a robot starts anew.
 pub(crate) const EPISODE: &str = "/stridemap/episode";

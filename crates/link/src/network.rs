@@ -95,7 +95,11 @@ impl<M: RosMessage> Carry for Pipe<M> {
         if weather.cut {
             self.under_way.clear();
         }
-        while self.under_way.front().is_some_and(|(at, _)| *at <= Instant::now()) {
+        while self
+            .under_way
+            .front()
+            .is_some_and(|(at, _)| *at <= Instant::now())
+        {
             if let Some((_, message)) = self.under_way.pop_front() {
                 let _ = self.to.publish(message);
             }

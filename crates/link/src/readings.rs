@@ -110,7 +110,10 @@ impl Readings {
                 (p.feet[1].is_some(), "right foot's load"),
             ];
             let missing = parts.iter().filter(|(there, _)| !there);
-            missing.map(|(_, what)| *what).collect::<Vec<_>>().join(", ")
+            missing
+                .map(|(_, what)| *what)
+                .collect::<Vec<_>>()
+                .join(", ")
         })
     }
 
@@ -172,7 +175,9 @@ impl Readings {
         };
         self.parts = self.parts.split_off(&stamp);
         let before = self.last_stamp_ns.replace(stamp);
-        let frame = self.assemble(stamp, parts).inspect_err(|_| counts.unusable += 1)?;
+        let frame = self
+            .assemble(stamp, parts)
+            .inspect_err(|_| counts.unusable += 1)?;
         counts.states += 1;
         if let Some(before) = before {
             let gap_s = (stamp - before) as f64 * 1e-9;

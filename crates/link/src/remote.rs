@@ -190,7 +190,10 @@ impl RemoteMachine {
 
     /// Presses the emergency stop if this end was told to.
     fn obey_halt(&mut self) -> Result<(), RobotError> {
-        let asked = self.halt.as_ref().is_some_and(|h| h.load(Ordering::Relaxed));
+        let asked = self
+            .halt
+            .as_ref()
+            .is_some_and(|h| h.load(Ordering::Relaxed));
         if !asked {
             return Ok(());
         }

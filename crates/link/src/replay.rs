@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_robot::{
-    JointLimits, JointState as JointReading, Machine, MachineDescription, RobotError, Ros2Config, SensorFrame,
+    JointLimits, JointState as JointReading, Machine, MachineDescription, RobotError, Ros2Config,
+    SensorFrame,
 };
 
 use crate::error::LinkError;

@@ -85,7 +85,11 @@ impl Trajectory {
                 (*t, point.get(j).copied().flatten().unwrap_or(from))
             };
             match next {
-                None => self.points.len().checked_sub(1).map_or(from, |k| angle(k).1),
+                None => self
+                    .points
+                    .len()
+                    .checked_sub(1)
+                    .map_or(from, |k| angle(k).1),
                 Some(k) => {
                     let (t0, a0) = if k == 0 { (0.0, from) } else { angle(k - 1) };
                     let (t1, a1) = angle(k);
@@ -93,7 +97,11 @@ impl Trajectory {
                 }
             }
         };
-        from_rad.iter().enumerate().map(|(j, from)| joint(j, *from)).collect()
+        from_rad
+            .iter()
+            .enumerate()
+            .map(|(j, from)| joint(j, *from))
+            .collect()
     }
 }
 

@@ -66,7 +66,11 @@ mod tests {
                 ..JointState::default()
             };
             // The second sticks from the first second on.
-            let stuck = if now_s < 1.0 { told } else { 0.1 * 6.0_f64.sin() };
+            let stuck = if now_s < 1.0 {
+                told
+            } else {
+                0.1 * 6.0_f64.sin()
+            };
             found = watch.joint_stuck(now_s, &[told; 2], &[joint(told), joint(stuck)]);
             k += 1;
         }

@@ -216,6 +216,9 @@ mod tests {
             ..Ros2Config::default()
         };
         let error = Wiring::new(&config, names(&["a"])).unwrap_err().to_string();
-        assert!(error.contains("elbow") && error.contains("offset_deg"), "{error}");
+        assert!(
+            error.contains("elbow") && error.contains("offset_deg"),
+            "{error}"
+        );
     }
 }

@@ -7,9 +7,9 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_robot::{
-    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointMap, JointState,
-    JointTargets, KinematicModel, Legs, Machine, MachineDescription, Pose, Robot, RobotError, RobotState, SensorFrame,
-    Shape, check_command,
+    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointMap, JointState, JointTargets,
+    KinematicModel, Legs, Machine, MachineDescription, Pose, Robot, RobotError, RobotState,
+    SensorFrame, Shape, check_command,
 };
 
 use crate::binding::{Axis, Binding};
@@ -102,7 +102,9 @@ impl SimulatedMachine {
     }
 
     fn periods(&self, delay_s: f64) -> usize {
-        (delay_s / self.description.control_period_s).round().max(0.0) as usize
+        (delay_s / self.description.control_period_s)
+            .round()
+            .max(0.0) as usize
     }
 
     /// What the sensors say now.

@@ -12,7 +12,9 @@ use crate::algorithm::{Iteration, Phase, Progress, Recorder, Seconds};
 use crate::error::LabError;
 use crate::poses::Recording;
 use crate::provenance::Provenance;
-use crate::run::files::{Log, append_line, create_dir, read_json, read_text, write_json, write_whole};
+use crate::run::files::{
+    Log, append_line, create_dir, read_json, read_text, write_json, write_whole,
+};
 use crate::run::grid;
 use crate::run::summary::Summary;
 use crate::run::table::TransitionTable;

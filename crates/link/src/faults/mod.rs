@@ -51,11 +51,17 @@ impl FaultRow {
             ok: as_it_must && no_bad_stride,
         }
     }
+
+    /// Whether a robot that was left without commands held as soon as it must, by its own silence.
+    #[must_use]
+    pub fn held_in_time(hold_s: Option<f64>) -> bool {
+        hold_s.is_some_and(|s| s < HOLD_WITHIN_S)
+    }
 }
 
 /// Robot time within which a robot without commands must hold: the bound, two periods, and what a loaded
 /// machine adds.
-pub(crate) const HOLD_WITHIN_S: f64 = 0.05 + 2.0 * stand_in::PERIOD_S + 0.05;
+const HOLD_WITHIN_S: f64 = 0.05 + 2.0 * stand_in::PERIOD_S + 0.05;
 
 fn ms(seconds: f64) -> String {
     format!("{:.0} ms", 1e3 * seconds)

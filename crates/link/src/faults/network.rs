@@ -6,7 +6,7 @@ use stridemap_robot::{RobotError, Ros2Config};
 
 use super::rig::{Rig, walk};
 use super::stand_in::PERIOD_S;
-use super::{FaultRow, HOLD_WITHIN_S, ms};
+use super::{FaultRow, ms};
 use crate::error::LinkError;
 use crate::guard::Refusals;
 use crate::network::Weather;
@@ -47,9 +47,11 @@ pub(super) fn cut(link: &Ros2Config, for_ms: u64) -> Result<FaultRow, LinkError>
             format!("holds after {}, gives way after {}", ms(hold), ms(damp))
         }
     };
-    let told = after.err().map_or("goes on".into(), |e| format!("aborted ({e})"));
+    let told = after
+        .err()
+        .map_or("goes on".into(), |e| format!("aborted ({e})"));
     let in_time = if for_s > 0.05 + PERIOD_S {
-        hold.is_some_and(|s| s < HOLD_WITHIN_S) && (for_s < 0.6 || damp.is_some())
+        FaultRow::held_in_time(hold) && (for_s < 0.6 || damp.is_some())
     } else {
         damp.is_none()
     };
@@ -90,7 +92,7 @@ pub(super) fn delayed(link: &Ros2Config, delay_s: f64) -> Result<FaultRow, LinkE
         ),
         hold,
         aborted,
-        hold.is_some_and(|s| s < HOLD_WITHIN_S),
+        FaultRow::held_in_time(hold),
     ))
 }
 

@@ -35,7 +35,11 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
     for _ in 0..200 {
         raw.command(vec![0.9; JOINTS]);
         after = walk(&mut controller, 1);
-        let angles = controller.frame().joints.iter().map(|j| j.position_rad.abs());
+        let angles = controller
+            .frame()
+            .joints
+            .iter()
+            .map(|j| j.position_rad.abs());
         farthest = angles.fold(farthest, f64::max);
         if after.is_err() {
             break;
@@ -54,7 +58,9 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
         });
         // Long enough for the robot to take the second for its writer.
         std::thread::sleep(Duration::from_millis(1500));
-        let again = controller.reset(&[0.0; JOINTS], &mut generator()).map(|_| ());
+        let again = controller
+            .reset(&[0.0; JOINTS], &mut generator())
+            .map(|_| ());
         stop.store(true, Ordering::Relaxed);
         again
     });
@@ -85,17 +91,22 @@ pub(super) fn emergency_stop(link: &Ros2Config) -> Result<FaultRow, LinkError> {
         walk(&mut controller, 2000)
     });
     let stopped = matches!(after, Err(RobotError::EmergencyStop { .. }));
-    rig.ear
-        .wait(began, Duration::from_secs(2), |s| s.stopped.is_some() && s.act == "damp");
+    rig.ear.wait(began, Duration::from_secs(2), |s| {
+        s.stopped.is_some() && s.act == "damp"
+    });
     // How long the robot followed after the stop was pressed: from its own words.
     let heard = rig.ear.since(began);
     let pressed = heard.iter().find(|s| s.stopped.is_some());
-    let damped = heard.iter().find(|s| s.stopped.is_some() && s.act == "damp");
+    let damped = heard
+        .iter()
+        .find(|s| s.stopped.is_some() && s.act == "damp");
     let within_s = match (pressed, damped) {
         (Some(pressed), Some(damped)) => Some((damped.time_s - pressed.time_s).max(0.0)),
         _ => None,
     };
-    let again = controller.reset(&[0.0; JOINTS], &mut generator()).map(|_| ());
+    let again = controller
+        .reset(&[0.0; JOINTS], &mut generator())
+        .map(|_| ());
     let latched = matches!(again, Err(RobotError::EmergencyStop { .. }));
     let rearmed = Instant::now();
     let _ = send_stop(&rig.robot_side, "", true)?;
@@ -202,7 +213,13 @@ pub(super) fn lying_robot(link: &Ros2Config, fault: &str, lie: Lie) -> Result<Fa
             ms(took_s),
             said.unwrap_or_default()
         );
-        Ok(FaultRow::new(fault, seen, Some(took_s), aborted, since.is_some()))
+        Ok(FaultRow::new(
+            fault,
+            seen,
+            Some(took_s),
+            aborted,
+            since.is_some(),
+        ))
     })();
     stop.store(true, Ordering::Relaxed);
     let _ = liar.join();
