@@ -90,6 +90,8 @@ pub struct RemoteMachine {
     /// What the robot's guard had done when the present start was complete.
     before: Option<(Refusals, u64)>,
     trouble: Option<String>,
+    /// Whether the link fell silent: the next start joins the network anew.
+    lost: bool,
     watch: Watch,
     counts: LinkCounts,
 }
@@ -157,9 +159,28 @@ impl RemoteMachine {
             sequence: 0,
             before: None,
             trouble: None,
+            lost: false,
             watch: Watch::default(),
             counts: LinkCounts::default(),
         })
+    }
+
+    /// Joins the network anew. A reliable reader that missed messages (its process was stopped, the network was
+    /// down) may wait for them longer than a new one needs to find the robot.
+    fn rejoin(&mut self) -> Result<(), LinkError> {
+        let config = &self.config;
+        let description = &self.description;
+        let wiring = Wiring::new(config, description.joint_names.clone())?;
+        let mut node = LinkNode::open(config, "stridemap_controller")?;
+        self.readings = Readings::open(&mut node, config, wiring, description.control_period_s)?;
+        self.commands = node.publisher(&config.commands)?;
+        self.heartbeat = node.publisher(Topics::HEARTBEAT)?;
+        self.set_up = node.publisher(Topics::SET_UP)?;
+        self.stop = node.publisher(Topics::STOP)?;
+        self.others = node.subscription(&config.commands)?;
+        self.node = node;
+        self.sent_at = None;
+        Ok(())
     }
 
     /// Presses the robot's emergency stop as soon as this flag is set (Ctrl-C).
@@ -238,6 +259,7 @@ impl RemoteMachine {
                     Some(missing) => format!("silent: {missing}"),
                     None => "nothing was heard".into(),
                 };
+                self.lost = true;
                 return Err(self.fault(format!("{what} for {:.1} s", silence.as_secs_f64())));
             }
             std::thread::sleep(NAP);
@@ -317,6 +339,7 @@ impl RemoteMachine {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
+        self.lost = true;
         Err(self.fault(if heard {
             "the robot speaks, but nobody listens to the commands (topic, type or quality of service?)"
         } else {
@@ -431,6 +454,12 @@ impl RemoteMachine {
 
     /// One start: look, set up, ramp.
     fn start(&mut self, posture: &[f64]) -> Result<(), RobotError> {
+        if std::mem::take(&mut self.lost)
+            && let Err(error) = self.rejoin()
+        {
+            self.lost = true;
+            return Err(self.fault(error.to_string()));
+        }
         self.readings.clear();
         self.sent = None;
         let was_silent = self.sent_at.is_none_or(|at| at.elapsed() > SILENT);
