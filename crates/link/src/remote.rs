@@ -89,6 +89,8 @@ pub struct RemoteMachine {
     sequence: u64,
     /// What the robot's guard had done when the present start was complete.
     before: Option<(Refusals, u64)>,
+    /// Whether the present start is complete.
+    walking: bool,
     trouble: Option<String>,
     /// Whether the link fell silent: the next start joins the network anew.
     lost: bool,
@@ -158,6 +160,7 @@ impl RemoteMachine {
             sent_at: None,
             sequence: 0,
             before: None,
+            walking: false,
             trouble: None,
             lost: false,
             watch: Watch::default(),
@@ -276,6 +279,10 @@ impl RemoteMachine {
             return Err(RobotError::EmergencyStop { reason });
         }
         let (refusals, set_ups) = (status.refusals, status.set_ups);
+        // Before a start is complete there is no stride to spoil: the robot holds between batches.
+        if !self.walking {
+            return Ok(());
+        }
         let before = *self.before.get_or_insert((refusals, set_ups));
         if set_ups != before.1 {
             return Err(self.fault("the robot was set up anew by somebody else"));
@@ -463,8 +470,8 @@ impl RemoteMachine {
         self.readings.clear();
         self.sent = None;
         let was_silent = self.sent_at.is_none_or(|at| at.elapsed() > SILENT);
+        self.walking = false;
         self.connect()?;
-        self.judge_from_here();
         // Look before speaking: is somebody else at it, is it stopped?
         if was_silent {
             self.check_nobody_else()?;
@@ -473,12 +480,12 @@ impl RemoteMachine {
         }
         if self.config.sets_itself_up {
             self.ask_to_set_up()?;
-            self.judge_from_here();
             self.wait_periods(LOOK_PERIODS, None)?;
         }
         self.check_upright_and_still()?;
         self.ramp_to(posture)?;
         self.judge_from_here();
+        self.walking = true;
         Ok(())
     }
 }
