@@ -92,6 +92,9 @@ def main():
     name = "rt/forward_command_controller/commands"
     commands = DataWriter(participant, Topic(participant, name, Float64MultiArray, qos=qos), qos=qos)
 
+    name = "rt/joint_trajectory_controller/joint_trajectory"
+    trajectories = DataWriter(participant, Topic(participant, name, JointTrajectory, qos=qos), qos=qos)
+
     def newest(seconds):
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
@@ -115,18 +118,15 @@ def main():
         seen += 1
     off = abs(last.position[head] - target)
 
-    # One trajectory of one joint: out in a second, back in the next. Nothing else is said meanwhile.
-    name = "rt/joint_trajectory_controller/joint_trajectory"
-    trajectories = DataWriter(participant, Topic(participant, name, JointTrajectory, qos=qos), qos=qos)
-    time.sleep(1.0)
-    tilt = first.name.index("head_tilt")
-    start = newest(2.0).position[tilt]
+    # One trajectory of one joint: out in a second, back in the next. Nothing else is said meanwhile. (Robots that are
+    # left without commands for half a second give way and fall: this comes at once.)
+    start = last.position[head]
     points = [Point([start + way], [], [], [], Duration(k + 1, 0)) for k, way in enumerate([-0.3, 0.0])]
-    trajectories.write(JointTrajectory(Header(Time(0, 0), ""), ["head_tilt"], points))
+    trajectories.write(JointTrajectory(Header(Time(0, 0), ""), ["head_pan"], points))
     farthest, back = start, start
-    deadline = time.monotonic() + 4.0
+    deadline = time.monotonic() + 2.3
     while time.monotonic() < deadline:
-        back = newest(2.0).position[tilt]
+        back = newest(2.0).position[head]
         farthest = min(farthest, back)
     went, returned = start - farthest, abs(back - start)
     print(
