@@ -22,12 +22,15 @@ use crate::output;
 /// Strides left out of means: the start-up transient.
 const DISCARD: usize = 10;
 
-/// A run's task, with overrides, and its policy or the nominal gait.
+/// Falls, and the strides in which they were counted.
+type FallsIn = (usize, usize);
+
+/// A run's task, with overrides, its policy or the nominal gait, and how often that fell when last measured.
 fn task_and_policy(
     path: &Path,
     nominal: bool,
     common: &Common,
-) -> Result<(Task, SavedPolicy, Option<(usize, usize)>), Failure> {
+) -> Result<(Task, SavedPolicy, Option<FallsIn>), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     let measured = if nominal {
         run.progress.nominal
