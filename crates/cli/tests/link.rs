@@ -4,6 +4,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
@@ -19,6 +20,12 @@ const SHORT: [&str; 7] = [
     "--set=record.discard=1",
     "--set=record.pose_seconds=0.5",
 ];
+
+/// One robot at a time: several share too little of a small machine.
+fn turn() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A process that ends with the test.
 struct Process(Child);
@@ -131,6 +138,7 @@ fn stop(dir: &Path, domain: u16, more: &[&str]) {
 
 #[test]
 fn a_controller_that_is_killed_goes_on_without_losing_a_stride() {
+    let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let _robot = robot(dir, 20);
@@ -163,6 +171,7 @@ fn a_controller_that_is_killed_goes_on_without_losing_a_stride() {
 
 #[test]
 fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() {
+    let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let _robot = robot(dir, 21);
@@ -212,6 +221,7 @@ fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() 
 
 #[test]
 fn after_a_fall_the_robot_waits_until_it_is_set_up() {
+    let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let _robot = robot(dir, 22);
@@ -234,6 +244,7 @@ fn after_a_fall_the_robot_waits_until_it_is_set_up() {
 
 #[test]
 fn ctrl_c_is_an_emergency_stop_that_stays() {
+    let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let _robot = robot(dir, 23);
@@ -257,6 +268,7 @@ fn ctrl_c_is_an_emergency_stop_that_stays() {
 
 #[test]
 fn every_fault_of_a_process_is_met() {
+    let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_stridemap"))
         .current_dir(dir.path())
@@ -271,6 +283,7 @@ fn every_fault_of_a_process_is_met() {
 
 #[test]
 fn a_log_gives_the_strides_again_without_a_robot() {
+    let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     let _robot = robot(dir, 24);
