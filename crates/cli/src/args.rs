@@ -167,6 +167,15 @@ pub struct Network {
     pub interface: String,
 }
 
+/// Which faults.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FaultKind {
+    /// Processes that are killed or stopped.
+    Processes,
+    /// Network, messages, robot.
+    Link,
+}
+
 /// A robot that can be simulated behind ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ServedRobot {
@@ -425,10 +434,13 @@ pub enum Command {
     },
     /// Tries every fault on a running link (loopback) and prints what the robot and the controller did.
     Faults {
+        /// Only the faults of processes (killed, stopped), or only those of network, messages and robot.
+        #[arg(long)]
+        only: Option<FaultKind>,
         /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,
-        /// First of the domains that it uses; it needs twenty.
+        /// First of the domains that it uses; it needs 35.
         #[arg(long, default_value_t = 120)]
         domain: u16,
     },

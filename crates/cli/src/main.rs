@@ -135,7 +135,7 @@ fn run(command: Command) -> Result<(), Failure> {
             reason,
             network,
         } => commands::robot::stop(rearm, &reason, &network),
-        Command::Faults { json, domain } => commands::robot::faults(json, domain),
+        Command::Faults { json, only, domain } => commands::faults::faults(json, only, domain),
         Command::BenchLink {
             seconds,
             json,

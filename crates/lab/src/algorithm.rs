@@ -90,6 +90,8 @@ pub struct Iteration {
 pub struct Progress {
     /// Every training and evaluation stride, in the order in which they were made.
     pub transitions: Vec<Transition>,
+    /// Strides of a batch that was broken off, aborted ones as well, on a robot that cannot repeat them.
+    pub unfinished: Vec<Transition>,
     /// Iterations begun.
     pub iterations: Vec<Iteration>,
     /// The policy of each improved iteration.
@@ -268,7 +270,8 @@ impl<'a> Algorithm<'a> {
 
     /// The same on a plant that was built elsewhere: one whose robot is behind a link.
     #[must_use]
-    pub fn on(task: &'a Task, seed: u64, plant: Plant, progress: Progress) -> Self {
+    pub fn on(task: &'a Task, seed: u64, mut plant: Plant, mut progress: Progress) -> Self {
+        plant.recall(std::mem::take(&mut progress.unfinished));
         Self {
             task,
             seed,

@@ -7,6 +7,8 @@
 //!                               ▲________________________________│   every control period
 //! ```
 
+use std::collections::VecDeque;
+
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gait::Gait;
@@ -19,6 +21,7 @@ use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 use crate::error::LabError;
 use crate::measure::{StrideMeasures, StrideMeter, wrapped_rad};
 use crate::reward::{RewardTerm, StateComponent, reward};
+use crate::strides::{Batch, Transition};
 use crate::truth::TrueWay;
 
 /// When a stride counts as a fall or a stall, and what that costs.
@@ -152,6 +155,8 @@ pub trait StrideObserver: Send {
     fn action(&mut self, action: &[f64]);
     /// A section was found.
     fn section(&mut self, crossing: &Crossing);
+    /// A stride, or a start that did not come to a section, ended like this.
+    fn ended(&mut self, _end: StrideEnd) {}
 }
 
 /// The robot as a [`StrideProcess`].
@@ -176,6 +181,7 @@ pub struct Plant {
     true_psi_roll_deg: Option<f64>,
     true_way: TrueWay,
     log: Option<Box<dyn StrideObserver>>,
+    recalled: VecDeque<Transition>,
 }
 
 /// How running to the next section went.
@@ -224,7 +230,25 @@ impl Plant {
             true_psi_roll_deg: None,
             true_way: TrueWay::default(),
             log: None,
+            recalled: VecDeque::new(),
         })
+    }
+
+    /// Strides of a batch that was broken off (the controller was killed, the link was lost), in the order
+    /// in which they were made: the next batch of that iteration and phase takes them up instead of making
+    /// them again. For robots that cannot repeat what they did.
+    pub fn recall(&mut self, strides: Vec<Transition>) {
+        self.recalled = strides.into();
+    }
+
+    /// The next stride of a batch that was made before, if there is one.
+    pub(crate) fn next_recalled(&mut self, batch: &Batch) -> Option<Transition> {
+        let of_batch =
+            |t: &mut Transition| (t.iteration, t.phase) == (batch.iteration, batch.phase);
+        let stride = self.recalled.pop_front_if(of_batch)?;
+        self.counters.strides += 1;
+        self.count_end(stride.end);
+        Some(stride)
     }
 
     /// Strides made so far.
@@ -416,6 +440,13 @@ impl Plant {
         }
     }
 
+    fn tell_end(&mut self, end: StrideEnd) {
+        self.count_end(end);
+        if let Some(log) = &mut self.log {
+            log.ended(end);
+        }
+    }
+
     /// One nominal start: reset, start-up, warm-up strides. `None` if the robot fell or stalled.
     fn start(&mut self, rng: &mut ChaCha8Rng) -> Result<Option<State>, RobotError> {
         self.gait.reset();
@@ -450,11 +481,11 @@ impl Plant {
                     return Ok(Some(self.state_of(&measures)));
                 }
                 Outcome::Fell => {
-                    self.count_end(StrideEnd::Fell);
+                    self.tell_end(StrideEnd::Fell);
                     return Ok(None);
                 }
                 Outcome::NoCrossing => {
-                    self.count_end(StrideEnd::NoCrossing);
+                    self.tell_end(StrideEnd::NoCrossing);
                     return Ok(None);
                 }
             }
@@ -511,7 +542,7 @@ impl StrideProcess for Plant {
             }
         };
         self.at_section = end == StrideEnd::Crossing;
-        self.count_end(end);
+        self.tell_end(end);
         let measures = self.measured(pendulum.as_ref());
         self.last_measures = measures;
         Ok(Stride {

@@ -216,6 +216,8 @@ pub struct Batch {
 ///
 /// [`LabError::Process`] if the plant cannot be started or driven; [`LabError::Equipment`] after
 /// several aborted strides in a row. What `observe` has seen stays valid.
+///
+/// Strides that the plant [recalls](Plant::recall) come first, are returned and counted, and not observed again.
 pub fn make_strides(
     plant: &mut Plant,
     source: &ActionSource<'_>,
@@ -244,6 +246,21 @@ pub fn drive(
     let mut transitions = Vec::with_capacity(batch.strides.min(1024));
     let (mut episode, mut k, mut aborts) = (0, 0, 0);
     let mut state: Option<State> = None;
+    while transitions.len() < batch.strides {
+        let Some(stride) = plant.next_recalled(&batch) else {
+            break;
+        };
+        // The actor draws and sees what it drew and saw then.
+        actor.act(&stride.state, rng);
+        episode = stride.episode + 1;
+        if stride.end != StrideEnd::Aborted {
+            let next = actor.saw(&stride);
+            transitions.push(stride);
+            if next == Next::Stop {
+                return Ok(transitions);
+            }
+        }
+    }
     while transitions.len() < batch.strides {
         let from = match state.take() {
             Some(state) => state,

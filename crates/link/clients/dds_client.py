@@ -1,6 +1,7 @@
 """A ROS 2 client that none of us wrote: reads the robot's joint states with Cyclone DDS and commands it.
 
-Usage: dds_client.py DOMAIN. Prints what it saw as JSON; exits with 1 if a joint did not go where it was sent.
+Usage: dds_client.py DOMAIN. Prints what it saw as JSON; exits with 1 if a joint did not go where it was
+sent, by forward commands and by a trajectory.
 """
 
 import json
@@ -58,6 +59,28 @@ class Float64MultiArray(IdlStruct, typename="std_msgs::msg::dds_::Float64MultiAr
     data: sequence[float64]
 
 
+@dataclass
+class Duration(IdlStruct, typename="builtin_interfaces::msg::dds_::Duration_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Point(IdlStruct, typename="trajectory_msgs::msg::dds_::JointTrajectoryPoint_"):
+    positions: sequence[float64]
+    velocities: sequence[float64]
+    accelerations: sequence[float64]
+    effort: sequence[float64]
+    time_from_start: Duration
+
+
+@dataclass
+class JointTrajectory(IdlStruct, typename="trajectory_msgs::msg::dds_::JointTrajectory_"):
+    header: Header
+    joint_names: sequence[str]
+    points: sequence[Point]
+
+
 def main():
     participant = DomainParticipant(int(sys.argv[1]))
     qos = Qos(
@@ -68,6 +91,9 @@ def main():
     states = DataReader(participant, Topic(participant, "rt/joint_states", JointState, qos=qos), qos=qos)
     name = "rt/forward_command_controller/commands"
     commands = DataWriter(participant, Topic(participant, name, Float64MultiArray, qos=qos), qos=qos)
+
+    name = "rt/joint_trajectory_controller/joint_trajectory"
+    trajectories = DataWriter(participant, Topic(participant, name, JointTrajectory, qos=qos), qos=qos)
 
     def newest(seconds):
         deadline = time.monotonic() + seconds
@@ -91,8 +117,31 @@ def main():
         last = newest(2.0)
         seen += 1
     off = abs(last.position[head] - target)
-    print(json.dumps({"joints": len(first.name), "states": seen, "head_pan_off_rad": off}))
-    sys.exit(0 if len(first.name) == 20 and off <= 0.05 else 1)
+
+    # One trajectory of one joint: out in a second, back in the next. Nothing else is said meanwhile. (Robots that are
+    # left without commands for half a second give way and fall: this comes at once.)
+    start = last.position[head]
+    points = [Point([start + way], [], [], [], Duration(k + 1, 0)) for k, way in enumerate([-0.3, 0.0])]
+    trajectories.write(JointTrajectory(Header(Time(0, 0), ""), ["head_pan"], points))
+    farthest, back = start, start
+    deadline = time.monotonic() + 2.3
+    while time.monotonic() < deadline:
+        back = newest(2.0).position[head]
+        farthest = min(farthest, back)
+    went, returned = start - farthest, abs(back - start)
+    print(
+        json.dumps(
+            {
+                "joints": len(first.name),
+                "states": seen,
+                "head_pan_off_rad": off,
+                "trajectory_went_rad": went,
+                "trajectory_back_off_rad": returned,
+            }
+        )
+    )
+    good = len(first.name) == 20 and off <= 0.05 and abs(went - 0.3) <= 0.05 and returned <= 0.05
+    sys.exit(0 if good else 1)
 
 
 main()

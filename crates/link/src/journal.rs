@@ -10,12 +10,11 @@ use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
 use rand_chacha::ChaCha8Rng;
 use stridemap_robot::{
-    JointLimits, Machine, Pose, RobotError, RobotState, Ros2Config, SensorFrame, Shape,
+    Machine, MachineDescription, Pose, RobotError, RobotState, Ros2Config, SensorFrame, Shape,
 };
 
 use crate::error::LinkError;
-use crate::messages::{Float64MultiArray, Header, RosMessage, RosTime, Text, to_cdr};
-use crate::server::to_messages;
+use crate::messages::{Float64MultiArray, Header, RosMessage, RosTime, Text, to_cdr, to_messages};
 
 /// `std_msgs/String`: `"begin"` where a robot starts anew.
 pub(crate) const EPISODE: &str = "/stridemap/episode";
@@ -132,13 +131,11 @@ impl Journal {
     /// A reading.
     pub(crate) fn frame(&mut self, frame: &SensorFrame) -> Result<(), LinkError> {
         self.now_s = frame.time_s;
-        let [joints, imu, left, right] = [(); 4].map(|()| Header {
+        let header = Header {
             stamp: RosTime::from_seconds(frame.time_s),
             frame_id: "base".into(),
-        });
-        let names = std::mem::take(&mut self.names);
-        let (joints, imu, [left, right]) = to_messages(frame, &names, joints, imu, [left, right]);
-        self.names = names;
+        };
+        let (joints, imu, [left, right]) = to_messages(frame, &self.names, &header);
         let link = self.link.clone();
         self.write(&link.left_foot, &left)?;
         self.write(&link.right_foot, &right)?;
@@ -177,7 +174,9 @@ impl Journal {
     ///
     /// [`LinkError::Log`].
     pub fn section(&mut self, numbers: &[f64]) -> Result<(), LinkError> {
-        self.numbers(SECTION, numbers)
+        self.numbers(SECTION, numbers)?;
+        // A controller that is killed loses no more than the stride it was in.
+        self.writer.flush().map_err(|e| self.fault(e))
     }
 
     /// Writes the index: the log can then be opened anywhere.
@@ -221,20 +220,8 @@ impl<M: Machine> LoggedMachine<M> {
 }
 
 impl<M: Machine> Machine for LoggedMachine<M> {
-    fn name(&self) -> &str {
-        self.inner.name()
-    }
-
-    fn joint_names(&self) -> &[String] {
-        self.inner.joint_names()
-    }
-
-    fn control_period_s(&self) -> f64 {
-        self.inner.control_period_s()
-    }
-
-    fn limits(&self) -> &[JointLimits] {
-        self.inner.limits()
+    fn description(&self) -> &MachineDescription {
+        self.inner.description()
     }
 
     fn reset(

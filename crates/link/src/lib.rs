@@ -12,24 +12,33 @@
 //! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing leaves this machine unless
 //! the configuration names another network interface.
 
+mod ear;
 mod error;
 mod faults;
 mod guard;
 mod journal;
 mod messages;
+mod network;
 mod node;
+mod readings;
 mod remote;
 mod replay;
 mod server;
+mod trajectory;
+mod watch;
+mod wiring;
 
+pub use ear::StatusEar;
 pub use error::LinkError;
-pub use faults::{FaultRow, fault_table};
+pub use faults::{FAULT_DOMAINS, FaultRow, fault_table};
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
 pub use journal::{Journal, LoggedMachine, SharedJournal};
 pub use messages::{
     Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
 };
+pub use network::{BadNetwork, Weather};
 pub use node::Topics;
 pub use remote::{LinkCounts, Operator, RemoteMachine, Yes};
 pub use replay::{LoggedEpisode, ReplayMachine, SharedActions, read_log};
 pub use server::{Serve, ServerReport, Status, send_stop, serve};
+pub use trajectory::{Trajectory, TrajectoryFault};

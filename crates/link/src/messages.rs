@@ -1,6 +1,7 @@
 //! The ROS 2 messages that pass over the link, as they lie on the wire.
 
 use serde::{Deserialize, Serialize};
+use stridemap_robot::SensorFrame;
 
 /// `builtin_interfaces/Time`: robot time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -378,6 +379,41 @@ pub(crate) fn from_cdr<M: RosMessage>(bytes: &[u8]) -> Option<M> {
         _ => cdr_encoding::from_bytes::<M, byteorder::BigEndian>(body),
     };
     read.ok().map(|(message, _)| message)
+}
+
+/// A reading as messages.
+pub(crate) fn to_messages(
+    frame: &SensorFrame,
+    names: &[String],
+    header: &Header,
+) -> (JointState, Imu, [WrenchStamped; 2]) {
+    let [w, x, y, z] = frame.orientation;
+    let mut absent = [0.0; 9];
+    absent[0] = -1.0;
+    let wrench = |load_n: f64| WrenchStamped {
+        header: header.clone(),
+        force: [0.0, 0.0, load_n].into(),
+        torque: [0.0; 3].into(),
+    };
+    (
+        JointState {
+            header: header.clone(),
+            name: names.to_vec(),
+            position: frame.joints.iter().map(|j| j.position_rad).collect(),
+            velocity: frame.joints.iter().map(|j| j.velocity_rad_s).collect(),
+            effort: frame.joints.iter().map(|j| j.torque_nm).collect(),
+        },
+        Imu {
+            header: header.clone(),
+            data: ImuData {
+                orientation: Quaternion { x, y, z, w },
+                angular_velocity: frame.angular_velocity_rad_s.into(),
+                linear_acceleration_covariance: absent,
+                ..ImuData::default()
+            },
+        },
+        frame.loads_n.map(wrench),
+    )
 }
 
 #[cfg(test)]

@@ -1,25 +1,35 @@
 //! The controller's end of the link: a machine that is somewhere else.
 
-use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rand_chacha::ChaCha8Rng;
 use ros2_client::{Publisher, Subscription};
 use serde::Serialize;
 use stridemap_robot::{
-    BaseState, JointLimits, JointState as JointReading, Machine, RobotError, Ros2Config,
-    SensorFrame, check_command,
+    BaseState, JointLimits, Machine, MachineDescription, RobotError, Ros2Config, SensorFrame,
+    check_command, hold_to_limits,
 };
 
 use crate::error::LinkError;
-use crate::messages::{Float64MultiArray, Imu, JointState, Text, UInt64MultiArray, WrenchStamped};
+use crate::guard::Refusals;
+use crate::messages::{Float64MultiArray, Text, UInt64MultiArray};
 use crate::node::{LinkNode, NAP, Topics, drain};
-use crate::server::Status;
+use crate::readings::{Readings, Unusable};
+use crate::server::{STOP_REPEATS, Status};
+use crate::watch::Watch;
+use crate::wiring::Wiring;
 
 /// The person beside the robot, or whoever stands in for him.
 pub trait Operator: Send {
     /// Asks that the robot be set on its feet, ready to move; `why` says what happened. `false`: do not go on.
     fn set_up(&mut self, why: &str) -> bool;
+
+    /// Whether somebody is there who can mend what keeps the robot from starting, and is then asked again.
+    fn can_mend(&self) -> bool {
+        false
+    }
 }
 
 /// An operator who always agrees: for robots that set themselves up, and for scripts.
@@ -45,98 +55,140 @@ pub struct LinkCounts {
     pub unusable: u64,
     /// Messages that could not be read.
     pub unreadable: u64,
-    /// Commands held back to a joint's rate or range.
+    /// Commands held back to a joint's range, rate or torque.
     pub limited: u64,
     /// Commands sent.
     pub commands: u64,
-}
-
-/// The parts of one reading, gathered by their stamp.
-#[derive(Default)]
-struct Parts {
-    joints: Option<JointState>,
-    imu: Option<Imu>,
-    feet: [Option<f64>; 2],
 }
 
 /// A machine behind ROS 2.
 ///
 /// A step sends the command (with a heartbeat that says which state it answers) and waits for the next whole
 /// state. Silence, a gap, a clock that runs backwards, NaN, a wrong number of joints, a robot whose emergency
-/// stop is latched: each is an error, and the stride is then aborted, never data.
+/// stop is latched or whose own guard held it back: each is an error, and the stride is then aborted, never
+/// data.
+///
+/// A start refuses a robot that somebody else commands, whose joints are not those of the map, that is not
+/// upright or not still; it brings the robot from its measured pose to the posture slowly.
 pub struct RemoteMachine {
     node: LinkNode,
     config: Ros2Config,
-    name: String,
-    joint_names: Vec<String>,
-    limits: Vec<JointLimits>,
-    period_s: f64,
-    states: Subscription<JointState>,
-    imu: Subscription<Imu>,
-    feet: [Subscription<WrenchStamped>; 2],
-    status: Subscription<Text>,
+    description: MachineDescription,
+    readings: Readings,
     commands: Publisher<Float64MultiArray>,
     heartbeat: Publisher<UInt64MultiArray>,
     set_up: Publisher<Text>,
+    stop: Publisher<Text>,
+    /// Ears on the commands' topic: somebody else's are heard while this end is silent.
+    others: Subscription<Float64MultiArray>,
     operator: Box<dyn Operator>,
-    parts: BTreeMap<u64, Parts>,
-    last_stamp_ns: Option<u64>,
-    zero_ns: u64,
+    halt: Option<Arc<AtomicBool>>,
     frame: SensorFrame,
     sent: Option<Vec<f64>>,
+    sent_at: Option<Instant>,
     sequence: u64,
-    newest_status: Option<Status>,
-    refused_before: u64,
+    /// What the robot's guard had done when the present start was complete.
+    before: Option<(Refusals, u64)>,
+    /// Whether the present start is complete.
+    walking: bool,
     trouble: Option<String>,
+    /// Whether the link fell silent: the next start joins the network anew.
+    lost: bool,
     watch: Watch,
     counts: LinkCounts,
 }
 
+/// Periods for which the robot must stand before it is commanded.
+const LOOK_PERIODS: usize = 5;
+/// Periods for which the posture is commanded before the walk begins: what the robot's guard did at the start
+/// is then known.
+const SETTLE_PERIODS: usize = 3;
+/// How long a start waits for another writer to fall silent: a controller that was killed counts as a writer
+/// for a second.
+const WRITER_GONE: Duration = Duration::from_secs(3);
+/// Somebody else may have taken over after this end was silent for this long.
+const SILENT: Duration = Duration::from_secs(1);
+/// An angle that needs no ramp: encoders are off by as much.
+const NEAR_RAD: f64 = 0.05;
+
 impl RemoteMachine {
     /// Joins the network. `joint_names` and `limits` are what the joint map expects, in the machine's order and
-    /// signs; whether the robot has them is seen at the first reset.
+    /// signs, and `link.limits` tightens them; whether the robot has these joints is seen at the first reset.
     ///
     /// # Errors
     ///
-    /// [`LinkError`] if the network cannot be joined.
+    /// [`LinkError`] if the network cannot be joined, or the configuration names a joint that is not there.
     pub fn open(
         config: &Ros2Config,
         joint_names: Vec<String>,
-        limits: Vec<JointLimits>,
+        mut limits: Vec<JointLimits>,
         period_s: f64,
         operator: Box<dyn Operator>,
     ) -> Result<Self, LinkError> {
+        let wiring = Wiring::new(config, joint_names.clone())?;
+        for (joint, tighter) in &config.limits {
+            let at = joint_names.iter().position(|name| name == joint);
+            let (Some(at), true) = (at, limits.len() == joint_names.len()) else {
+                return Err(LinkError::Config {
+                    field: "limits",
+                    value: joint.clone(),
+                    problem: format!("is not a joint of the robot; its joints are {joint_names:?}"),
+                });
+            };
+            limits[at] = tighter.of(limits[at]);
+        }
         let mut node = LinkNode::open(config, "stridemap_controller")?;
         Ok(Self {
-            states: node.subscription(&config.joint_states)?,
-            imu: node.subscription(&config.imu)?,
-            feet: [
-                node.subscription(&config.left_foot)?,
-                node.subscription(&config.right_foot)?,
-            ],
-            status: node.subscription(Topics::STATUS)?,
+            readings: Readings::open(&mut node, config, wiring, period_s)?,
             commands: node.publisher(&config.commands)?,
             heartbeat: node.publisher(Topics::HEARTBEAT)?,
             set_up: node.publisher(Topics::SET_UP)?,
+            stop: node.publisher(Topics::STOP)?,
+            others: node.subscription(&config.commands)?,
             node,
-            name: format!("ros2 domain {}", config.domain),
+            description: MachineDescription {
+                name: format!("ros2 domain {}", config.domain),
+                joint_names,
+                control_period_s: period_s,
+                limits,
+            },
             config: config.clone(),
-            joint_names,
-            limits,
-            period_s,
             operator,
-            parts: BTreeMap::new(),
-            last_stamp_ns: None,
-            zero_ns: 0,
+            halt: None,
             frame: SensorFrame::default(),
             sent: None,
+            sent_at: None,
             sequence: 0,
-            newest_status: None,
-            refused_before: 0,
+            before: None,
+            walking: false,
             trouble: None,
+            lost: false,
             watch: Watch::default(),
             counts: LinkCounts::default(),
         })
+    }
+
+    /// Joins the network anew. A reliable reader that missed messages (its process was stopped, the network was
+    /// down) may wait for them longer than a new one needs to find the robot.
+    fn rejoin(&mut self) -> Result<(), LinkError> {
+        let config = &self.config;
+        let description = &self.description;
+        let wiring = Wiring::new(config, description.joint_names.clone())?;
+        let mut node = LinkNode::open(config, "stridemap_controller")?;
+        self.readings = Readings::open(&mut node, config, wiring, description.control_period_s)?;
+        self.commands = node.publisher(&config.commands)?;
+        self.heartbeat = node.publisher(Topics::HEARTBEAT)?;
+        self.set_up = node.publisher(Topics::SET_UP)?;
+        self.stop = node.publisher(Topics::STOP)?;
+        self.others = node.subscription(&config.commands)?;
+        self.node = node;
+        self.sent_at = None;
+        Ok(())
+    }
+
+    /// Presses the robot's emergency stop as soon as this flag is set (Ctrl-C).
+    pub fn halt_on(&mut self, flag: Arc<AtomicBool>) {
+        self.halt = Some(flag);
     }
 
     /// What was counted so far.
@@ -148,7 +200,7 @@ impl RemoteMachine {
     /// What the robot last said of itself.
     #[must_use]
     pub const fn status(&self) -> Option<&Status> {
-        self.newest_status.as_ref()
+        self.readings.newest_status.as_ref()
     }
 
     fn fault(&mut self, what: impl Into<String>) -> RobotError {
@@ -160,121 +212,40 @@ impl RemoteMachine {
         }
     }
 
-    /// Takes in what has arrived; the newest whole reading that is newer than the last, if there is one.
-    fn gather(&mut self) -> Result<Option<u64>, RobotError> {
-        let bad = &mut self.counts.unreadable;
-        for (message, _) in drain(&self.states, bad) {
-            let stamp = message.header.stamp.nanoseconds();
-            self.parts.entry(stamp).or_default().joints = Some(message);
+    /// Presses the emergency stop if this end was told to.
+    fn obey_halt(&mut self) -> Result<(), RobotError> {
+        let asked = self
+            .halt
+            .as_ref()
+            .is_some_and(|h| h.load(Ordering::Relaxed));
+        if !asked {
+            return Ok(());
         }
-        for (message, _) in drain(&self.imu, bad) {
-            let stamp = message.header.stamp.nanoseconds();
-            self.parts.entry(stamp).or_default().imu = Some(message);
+        let reason = "Ctrl-C at the controller".to_owned();
+        for _ in 0..STOP_REPEATS {
+            let _ = self.stop.publish(Text {
+                data: reason.clone(),
+            });
+            std::thread::sleep(Duration::from_millis(5));
         }
-        for side in 0..2 {
-            for (message, _) in drain(&self.feet[side], bad) {
-                let stamp = message.header.stamp.nanoseconds();
-                self.parts.entry(stamp).or_default().feet[side] = Some(message.force.z);
-            }
-        }
-        for (message, _) in drain(&self.status, bad) {
-            match serde_json::from_str(&message.data) {
-                Ok(status) => self.newest_status = Some(status),
-                Err(_) => *bad += 1,
-            }
-        }
-        let whole =
-            |p: &Parts| p.joints.is_some() && p.imu.is_some() && p.feet.iter().all(Option::is_some);
-        let newest = self
-            .parts
-            .iter()
-            .rev()
-            .find(|(_, p)| whole(p))
-            .map(|(s, _)| *s);
-        let Some(stamp) = newest else {
-            // A silent sensor must not fill the memory.
-            while self.parts.len() > 64 {
-                self.parts.pop_first();
-            }
-            return Ok(None);
-        };
-        if let Some(last) = self.last_stamp_ns
-            && stamp <= last
-        {
-            self.counts.out_of_order += 1;
-            self.parts.remove(&stamp);
-            // A single old message is a network's doing. A clock that stays behind is the robot's.
-            if last - stamp > 1_000_000_000 {
-                self.last_stamp_ns = Some(stamp);
-                return Err(self.fault(format!(
-                    "the robot's clock went back by {:.3} s",
-                    (last - stamp) as f64 * 1e-9
-                )));
-            }
-            return Ok(None);
-        }
-        let Some(parts) = self.parts.remove(&stamp) else {
-            return Ok(None);
-        };
-        self.parts = self.parts.split_off(&stamp);
-        let before = self.last_stamp_ns.replace(stamp);
-        let frame = self.assemble(stamp, parts)?;
-        self.frame = frame;
-        self.counts.states += 1;
-        if let Some(before) = before {
-            let gap_s = (stamp - before) as f64 * 1e-9;
-            let missed = (gap_s / self.period_s).round() - 1.0;
-            self.counts.missed += missed.max(0.0) as u64;
-        }
-        Ok(Some(stamp))
+        self.trouble = Some(reason.clone());
+        Err(RobotError::EmergencyStop { reason })
     }
 
-    /// A reading from its parts, checked.
-    fn assemble(&mut self, stamp: u64, parts: Parts) -> Result<SensorFrame, RobotError> {
-        let (Some(joints), Some(imu), [Some(left), Some(right)]) =
-            (parts.joints, parts.imu, parts.feet)
-        else {
-            return Err(self.fault("a reading is not whole"));
-        };
-        let n = joints.name.len();
-        if joints.position.len() != n {
-            self.counts.unusable += 1;
-            return Err(self.fault(format!("{} angles for {n} joints", joints.position.len())));
+    /// Takes in what has arrived; whether that made a whole reading newer than the last.
+    fn gather(&mut self) -> Result<bool, RobotError> {
+        match self.readings.gather(&mut self.counts) {
+            Ok(Some(frame)) => {
+                self.frame = frame;
+                Ok(true)
+            }
+            Ok(None) => Ok(false),
+            Err(Unusable::Said(what)) => Err(self.fault(what)),
+            Err(Unusable::Map(error)) => {
+                self.trouble = Some(error.to_string());
+                Err(error)
+            }
         }
-        let mut readings = Vec::with_capacity(self.joint_names.len());
-        for name in &self.joint_names {
-            let Some(at) = joints.name.iter().position(|have| have == name) else {
-                return Err(RobotError::JointMap {
-                    joint: name.clone(),
-                    why: "is not a joint of the robot",
-                });
-            };
-            let offset = self.config.offset_deg.get(name).copied().unwrap_or(0.0);
-            // Rates and torques may be absent.
-            readings.push(JointReading {
-                position_rad: joints.position[at] - offset.to_radians(),
-                velocity_rad_s: joints.velocity.get(at).copied().unwrap_or(0.0),
-                torque_nm: joints.effort.get(at).copied().unwrap_or(0.0),
-            });
-        }
-        let q = imu.data.orientation;
-        let frame = SensorFrame {
-            time_s: stamp.saturating_sub(self.zero_ns) as f64 * 1e-9,
-            joints: readings,
-            orientation: [q.w, q.x, q.y, q.z],
-            angular_velocity_rad_s: imu.data.angular_velocity.into(),
-            loads_n: [left, right],
-        };
-        if let Some(field) = frame.first_not_finite() {
-            self.counts.unusable += 1;
-            return Err(self.fault(format!("the robot's {field} is not finite")));
-        }
-        let norm: f64 = frame.orientation.iter().map(|v| v * v).sum();
-        if (norm - 1.0).abs() > 0.01 {
-            self.counts.unusable += 1;
-            return Err(self.fault("the robot's orientation is no rotation"));
-        }
-        Ok(frame)
     }
 
     /// Waits for a whole reading newer than the last.
@@ -282,91 +253,69 @@ impl RemoteMachine {
         let silence = Duration::from_secs_f64(self.config.silence_s);
         let start = Instant::now();
         loop {
-            if self.gather()?.is_some() {
+            if self.gather()? {
                 return Ok(());
             }
+            self.obey_halt()?;
             if start.elapsed() > silence {
-                let said = self.parts.values().next_back().map(|p| {
-                    let mut missing = Vec::new();
-                    for (there, what) in [
-                        (p.joints.is_some(), "joint states"),
-                        (p.imu.is_some(), "inertial unit"),
-                        (p.feet[0].is_some(), "left foot's load"),
-                        (p.feet[1].is_some(), "right foot's load"),
-                    ] {
-                        if !there {
-                            missing.push(what);
-                        }
-                    }
-                    missing.join(", ")
-                });
-                let what = match said {
+                let what = match self.readings.missing() {
                     Some(missing) => format!("silent: {missing}"),
                     None => "nothing was heard".into(),
                 };
+                self.lost = true;
                 return Err(self.fault(format!("{what} for {:.1} s", silence.as_secs_f64())));
             }
             std::thread::sleep(NAP);
         }
     }
 
-    /// What the robot's status forbids.
+    /// What the robot's status forbids: a latched stop, and every intervention of its guard since the start.
     fn obey_status(&mut self) -> Result<(), RobotError> {
-        let Some(status) = &self.newest_status else {
+        let Some(status) = &self.readings.newest_status else {
             return Ok(());
         };
         if let Some(reason) = status.stopped.clone() {
             self.trouble = Some(reason.clone());
             return Err(RobotError::EmergencyStop { reason });
         }
-        let others = status.refusals.second_writer;
-        if others > self.refused_before {
-            self.refused_before = others;
-            return Err(self.fault("somebody else commands the robot as well"));
+        let (refusals, set_ups) = (status.refusals, status.set_ups);
+        // Before a start is complete there is no stride to spoil: the robot holds between batches.
+        if !self.walking {
+            return Ok(());
         }
-        Ok(())
+        let before = *self.before.get_or_insert((refusals, set_ups));
+        if set_ups != before.1 {
+            return Err(self.fault("the robot was set up anew by somebody else"));
+        }
+        match refusals.spoil(&before.0) {
+            Some(why) => Err(self.fault(why)),
+            None => Ok(()),
+        }
     }
 
-    /// Sends a command, held to range and rate.
+    /// Takes the robot's present status as the one from which it is judged.
+    fn judge_from_here(&mut self) {
+        let status = self.readings.newest_status.as_ref();
+        self.before = status.map(|s| (s.refusals, s.set_ups));
+    }
+
+    /// Sends a command, held to range, rate and torque.
     fn send(&mut self, command_rad: &[f64]) {
+        let measured = &self.frame.joints;
         let from: Vec<f64> = match &self.sent {
             Some(sent) => sent.clone(),
-            None => self.frame.joints.iter().map(|j| j.position_rad).collect(),
+            None => measured.iter().map(|j| j.position_rad).collect(),
         };
-        let mut limited = 0;
-        let next: Vec<f64> = command_rad
-            .iter()
-            .zip(&from)
-            .zip(&self.limits)
-            .map(|((want, from), limits)| {
-                let reach = limits.velocity_rad_s * self.period_s;
-                let within = want.clamp(limits.lower_rad, limits.upper_rad.max(limits.lower_rad));
-                let next = within.clamp(from - reach, from + reach);
-                limited += u64::from((next - want).abs() > 0.0);
-                next
-            })
-            .collect();
-        self.counts.limited += limited;
+        let limits = &self.description.limits;
+        let period_s = self.description.control_period_s;
+        let (next, held) = hold_to_limits(command_rad, &from, measured, limits, period_s);
+        self.counts.limited += held.position_clamped + held.rate_limited + held.torque_limited;
         self.sequence += 1;
         self.counts.commands += 1;
-        let stamp = self.last_stamp_ns.unwrap_or(0);
-        let data = next
-            .iter()
-            .zip(&self.joint_names)
-            .map(|(angle, name)| {
-                angle
-                    + self
-                        .config
-                        .offset_deg
-                        .get(name)
-                        .copied()
-                        .unwrap_or(0.0)
-                        .to_radians()
-            })
-            .collect();
+        let stamp = self.readings.last_stamp_ns.unwrap_or(0);
         // What cannot be sent is missed by the robot, whose own guard then holds.
         let _ = self.commands.publish(Float64MultiArray {
-            data,
+            data: self.readings.wiring().write(&next),
             ..Float64MultiArray::default()
         });
         let _ = self.heartbeat.publish(UInt64MultiArray {
@@ -374,6 +323,7 @@ impl RemoteMachine {
             ..UInt64MultiArray::default()
         });
         self.sent = Some(next);
+        self.sent_at = Some(Instant::now());
     }
 
     /// Finds the robot: all its topics, and somebody to hear the commands.
@@ -381,23 +331,53 @@ impl RemoteMachine {
         let deadline = Instant::now() + Duration::from_secs_f64(self.config.connect_s);
         let mut heard = false;
         while Instant::now() < deadline {
-            heard |= self.gather()?.is_some();
+            heard |= self.gather()?;
+            self.obey_halt()?;
             let listeners = [
                 self.commands.get_subscription_count(self.node.node()),
                 self.heartbeat.get_subscription_count(self.node.node()),
             ];
             let ready = !self.config.sets_itself_up
-                || self.set_up.get_subscription_count(self.node.node()) > 0;
+                || (listeners[1] > 0
+                    && self.set_up.get_subscription_count(self.node.node()) > 0
+                    && self.readings.status_is_told(&self.node));
             if heard && listeners[0] > 0 && ready {
                 return Ok(());
             }
             std::thread::sleep(Duration::from_millis(2));
         }
+        self.lost = true;
         Err(self.fault(if heard {
             "the robot speaks, but nobody listens to the commands (topic, type or quality of service?)"
         } else {
             "no robot was heard (is it switched on; are domain, interface and topics right?)"
         }))
+    }
+
+    /// Refuses a robot that somebody else commands. The robot's own word counts where it has one; else what is
+    /// heard on the commands' topic while this end is silent.
+    fn check_nobody_else(&mut self) -> Result<(), RobotError> {
+        let deadline = Instant::now() + WRITER_GONE;
+        let told = self.readings.status_is_told(&self.node);
+        let before = self.readings.statuses;
+        loop {
+            let _ = drain(&self.others, &mut self.counts.unreadable);
+            self.wait_periods(LOOK_PERIODS, None)?;
+            let others = !drain(&self.others, &mut self.counts.unreadable).is_empty();
+            let status = self.readings.newest_status.as_ref();
+            let known = !told || self.readings.statuses > before;
+            let commanded = others || status.is_some_and(|s| s.commanded);
+            if known && !commanded {
+                return Ok(());
+            }
+            if Instant::now() > deadline {
+                return Err(self.fault(if known {
+                    "somebody else commands the robot already"
+                } else {
+                    "the robot does not tell its status"
+                }));
+            }
+        }
     }
 
     /// Waits some periods, commanding a fixed posture if one is given.
@@ -407,6 +387,7 @@ impl RemoteMachine {
                 self.send(hold);
             }
             self.next_frame()?;
+            self.obey_halt()?;
             self.obey_status()?;
         }
         Ok(())
@@ -438,7 +419,8 @@ impl RemoteMachine {
 
     /// Asks a robot that can do so to put itself on its feet, and waits until it says it has.
     fn ask_to_set_up(&mut self) -> Result<(), RobotError> {
-        let before = self.newest_status.as_ref().map(|s| s.set_ups);
+        let set_ups = |readings: &Readings| readings.newest_status.as_ref().map(|s| s.set_ups);
+        let before = set_ups(&self.readings);
         let deadline = Instant::now() + Duration::from_secs_f64(self.config.connect_s);
         let mut asked: Option<Instant> = None;
         while Instant::now() < deadline {
@@ -447,7 +429,8 @@ impl RemoteMachine {
                 asked = Some(Instant::now());
             }
             self.gather()?;
-            let now = self.newest_status.as_ref().map(|s| s.set_ups);
+            self.obey_halt()?;
+            let now = set_ups(&self.readings);
             if now.is_some() && now > before.or(Some(0)) {
                 return Ok(());
             }
@@ -455,73 +438,61 @@ impl RemoteMachine {
         }
         Err(self.fault("the robot did not set itself up"))
     }
-}
 
-/// Compares what the joints were told with what they do, over windows.
-#[derive(Clone, Debug, Default)]
-struct Watch {
-    since_s: f64,
-    told: Vec<[f64; 2]>,
-    seen: Vec<[f64; 2]>,
-}
+    /// From the measured pose to the posture, slowly.
+    fn ramp_to(&mut self, posture: &[f64]) -> Result<(), RobotError> {
+        let from: Vec<f64> = self.frame.joints.iter().map(|j| j.position_rad).collect();
+        let apart = from.iter().zip(posture).map(|(a, b)| (a - b).abs());
+        if apart.fold(0.0, f64::max) <= NEAR_RAD {
+            return self.wait_periods(SETTLE_PERIODS, Some(posture));
+        }
+        let period_s = self.description.control_period_s;
+        let periods = (self.config.ramp_s / period_s).ceil().max(1.0);
+        for k in 1..=(periods as usize) {
+            let share = k as f64 / periods;
+            let between = from.iter().zip(posture);
+            let command: Vec<f64> = between.map(|(a, b)| a + share * (b - a)).collect();
+            self.wait_periods(1, Some(&command))?;
+        }
+        let settle = (0.5 / period_s).ceil() as usize;
+        self.wait_periods(settle, Some(posture))?;
+        self.check_upright_and_still()
+    }
 
-impl Watch {
-    /// Length of a window: longer than a stride.
-    const WINDOW_S: f64 = 1.5;
-    /// A joint that was told to move by this much over a window, ...
-    const TOLD_RAD: f64 = 0.05;
-    /// ... and moved by less than this share of it, is stuck.
-    const SHARE: f64 = 0.15;
-
-    /// Takes one period; the joint that is stuck, if one is.
-    fn joint_stuck(&mut self, now_s: f64, told: &[f64], seen: &[JointReading]) -> Option<usize> {
-        if self.told.len() != told.len() || now_s < self.since_s {
-            *self = Self {
-                since_s: now_s,
-                told: told.iter().map(|v| [*v; 2]).collect(),
-                seen: seen.iter().map(|j| [j.position_rad; 2]).collect(),
-            };
-            return None;
+    /// One start: look, set up, ramp.
+    fn start(&mut self, posture: &[f64]) -> Result<(), RobotError> {
+        if std::mem::take(&mut self.lost)
+            && let Err(error) = self.rejoin()
+        {
+            self.lost = true;
+            return Err(self.fault(error.to_string()));
         }
-        let grow = |range: &mut [f64; 2], value: f64| {
-            *range = [range[0].min(value), range[1].max(value)];
-        };
-        for (range, value) in self.told.iter_mut().zip(told) {
-            grow(range, *value);
+        self.readings.clear();
+        self.sent = None;
+        let was_silent = self.sent_at.is_none_or(|at| at.elapsed() > SILENT);
+        self.walking = false;
+        self.connect()?;
+        // Look before speaking: is somebody else at it, is it stopped?
+        if was_silent {
+            self.check_nobody_else()?;
+        } else {
+            self.wait_periods(LOOK_PERIODS, None)?;
         }
-        for (range, joint) in self.seen.iter_mut().zip(seen) {
-            grow(range, joint.position_rad);
+        if self.config.sets_itself_up {
+            self.ask_to_set_up()?;
+            self.wait_periods(LOOK_PERIODS, None)?;
         }
-        if now_s - self.since_s < Self::WINDOW_S {
-            return None;
-        }
-        let width = |range: &[f64; 2]| range[1] - range[0];
-        let stuck = self.told.iter().zip(&self.seen).position(|(told, seen)| {
-            width(told) > Self::TOLD_RAD && width(seen) < Self::SHARE * width(told)
-        });
-        self.told.clear();
-        stuck
+        self.check_upright_and_still()?;
+        self.ramp_to(posture)?;
+        self.judge_from_here();
+        self.walking = true;
+        Ok(())
     }
 }
-
-/// Periods for which the robot must stand before it is commanded.
-const LOOK_PERIODS: usize = 5;
 
 impl Machine for RemoteMachine {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn joint_names(&self) -> &[String] {
-        &self.joint_names
-    }
-
-    fn control_period_s(&self) -> f64 {
-        self.period_s
-    }
-
-    fn limits(&self) -> &[JointLimits] {
-        &self.limits
+    fn description(&self) -> &MachineDescription {
+        &self.description
     }
 
     fn reset(
@@ -529,68 +500,38 @@ impl Machine for RemoteMachine {
         command_rad: &[f64],
         _rng: &mut ChaCha8Rng,
     ) -> Result<&SensorFrame, RobotError> {
-        check_command(command_rad, &self.joint_names)?;
-        let first = self.last_stamp_ns.is_none();
+        check_command(command_rad, &self.description.joint_names)?;
         let tilt = self.tilt_deg();
-        let why = self.trouble.take().unwrap_or_else(|| {
-            if !first && tilt > self.config.upright_deg {
-                return format!("the robot fell (tilted by {tilt:.0} deg)");
+        let mut why = match (self.trouble.take(), self.readings.last_stamp_ns) {
+            (Some(trouble), _) => trouble,
+            (None, None) => Self::FIRST_START.into(),
+            (None, Some(_)) if tilt > self.config.upright_deg => {
+                format!("the robot fell (tilted by {tilt:.0} deg)")
             }
-            if first {
-                "before the first stride"
-            } else {
-                "a new start"
+            (None, Some(_)) => Self::NEW_START.into(),
+        };
+        loop {
+            self.obey_halt()?;
+            if !self.operator.set_up(&why) {
+                self.obey_halt()?;
+                return Err(self.fault("the operator said no"));
             }
-            .to_owned()
-        });
-        if !self.operator.set_up(&why) {
-            return Err(self.fault("the operator said no"));
-        }
-        self.parts.clear();
-        self.sent = None;
-        self.connect()?;
-        // Look before speaking: is somebody else at it, is it stopped?
-        self.wait_periods(LOOK_PERIODS, None)?;
-        let commanded = self.newest_status.as_ref().is_some_and(|s| s.commanded);
-        if commanded && first {
-            return Err(self.fault("somebody else commands the robot already"));
-        }
-        if self.config.sets_itself_up {
-            self.ask_to_set_up()?;
-            self.wait_periods(LOOK_PERIODS, None)?;
-        }
-        self.check_upright_and_still()?;
-        // From the measured pose to the posture, slowly.
-        let from: Vec<f64> = self.frame.joints.iter().map(|j| j.position_rad).collect();
-        let far = from
-            .iter()
-            .zip(command_rad)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max);
-        /// An angle that needs no ramp: encoders are off by as much.
-        const NEAR_RAD: f64 = 0.05;
-        if far > NEAR_RAD {
-            let periods = (self.config.ramp_s / self.period_s).ceil().max(1.0);
-            for k in 1..=(periods as usize) {
-                let share = k as f64 / periods;
-                let command: Vec<f64> = from
-                    .iter()
-                    .zip(command_rad)
-                    .map(|(a, b)| a + share * (b - a))
-                    .collect();
-                self.wait_periods(1, Some(&command))?;
+            match self.start(command_rad) {
+                Ok(()) => break,
+                Err(error) => {
+                    let mendable = matches!(
+                        error,
+                        RobotError::Link { .. } | RobotError::EmergencyStop { .. }
+                    );
+                    if !(mendable && self.operator.can_mend()) {
+                        return Err(error);
+                    }
+                    why = error.to_string();
+                }
             }
-            let settle = (0.5 / self.period_s).ceil() as usize;
-            self.wait_periods(settle, Some(command_rad))?;
-            self.check_upright_and_still()?;
-        } else {
-            self.wait_periods(1, Some(command_rad))?;
         }
-        self.refused_before = self
-            .newest_status
-            .as_ref()
-            .map_or(0, |s| s.refusals.second_writer);
-        self.zero_ns = self.last_stamp_ns.unwrap_or(0);
+        self.trouble = None;
+        self.readings.zero_ns = self.readings.last_stamp_ns.unwrap_or(0);
         self.frame.time_s = 0.0;
         self.watch = Watch::default();
         Ok(&self.frame)
@@ -601,13 +542,14 @@ impl Machine for RemoteMachine {
     }
 
     fn step(&mut self, command_rad: &[f64]) -> Result<&SensorFrame, RobotError> {
-        check_command(command_rad, &self.joint_names)?;
-        let before = self.last_stamp_ns;
+        check_command(command_rad, &self.description.joint_names)?;
+        self.obey_halt()?;
+        let before = self.readings.last_stamp_ns;
         self.send(command_rad);
         self.next_frame()?;
         self.obey_status()?;
-        if let (Some(before), Some(now)) = (before, self.last_stamp_ns) {
-            let gap_s = (now - before) as f64 * 1e-9;
+        if let (Some(before), Some(now)) = (before, self.readings.last_stamp_ns) {
+            let gap_s = now.saturating_sub(before) as f64 * 1e-9;
             if gap_s > self.config.gap_s {
                 return Err(self.fault(format!("no state for {gap_s:.3} s of robot time")));
             }
@@ -617,9 +559,17 @@ impl Machine for RemoteMachine {
             .watch
             .joint_stuck(self.frame.time_s, &told, &self.frame.joints);
         if let Some(joint) = stuck {
-            let name = self.joint_names.get(joint).cloned().unwrap_or_default();
+            let names = &self.description.joint_names;
+            let name = names.get(joint).cloned().unwrap_or_default();
             return Err(self.fault(format!("joint {name} does not follow its commands")));
         }
         Ok(&self.frame)
     }
+}
+
+impl RemoteMachine {
+    /// What an operator is told before the first start.
+    pub const FIRST_START: &'static str = "before the first stride";
+    /// What an operator is told when nothing has happened that a person must look at: a batch begins.
+    pub const NEW_START: &'static str = "a new start";
 }

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_robot::{
-    JointLimits, JointState as JointReading, Machine, RobotError, Ros2Config, SensorFrame,
+    JointLimits, JointState as JointReading, Machine, MachineDescription, RobotError, Ros2Config,
+    SensorFrame,
 };
 
 use crate::error::LinkError;
@@ -96,10 +97,7 @@ pub fn read_log(path: &Path, link: &Ros2Config) -> Result<Vec<LoggedEpisode>, Li
 
 /// A machine that repeats a log, whatever it is commanded.
 pub struct ReplayMachine {
-    name: String,
-    joint_names: Vec<String>,
-    limits: Vec<JointLimits>,
-    period_s: f64,
+    description: MachineDescription,
     episodes: std::vec::IntoIter<LoggedEpisode>,
     episode: LoggedEpisode,
     next: usize,
@@ -120,10 +118,12 @@ impl ReplayMachine {
         period_s: f64,
     ) -> Self {
         Self {
-            name: "log".into(),
-            joint_names,
-            limits,
-            period_s,
+            description: MachineDescription {
+                name: "log".into(),
+                joint_names,
+                control_period_s: period_s,
+                limits,
+            },
             episodes: episodes.into_iter(),
             episode: LoggedEpisode::default(),
             next: 0,
@@ -147,20 +147,8 @@ impl ReplayMachine {
 }
 
 impl Machine for ReplayMachine {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn joint_names(&self) -> &[String] {
-        &self.joint_names
-    }
-
-    fn control_period_s(&self) -> f64 {
-        self.period_s
-    }
-
-    fn limits(&self) -> &[JointLimits] {
-        &self.limits
+    fn description(&self) -> &MachineDescription {
+        &self.description
     }
 
     fn reset(

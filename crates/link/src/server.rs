@@ -7,15 +7,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use ros2_client::{Publisher, Subscription};
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{Machine, Ros2Config, SensorFrame};
+use stridemap_robot::{Machine, Ros2Config};
 
 use crate::error::LinkError;
 use crate::guard::{Act, CommandGuard, GuardBounds, Refusals};
 use crate::messages::{
-    Clock, Float64MultiArray, Header, Imu, ImuData, JointState, JointTrajectory, Quaternion,
-    RosTime, Text, UInt64MultiArray, WrenchStamped,
+    Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, Text,
+    UInt64MultiArray, WrenchStamped, to_messages,
 };
 use crate::node::{LinkNode, NAP, Topics, drain, writer_of};
+use crate::trajectory::Trajectory;
 
 /// How a machine is served.
 #[derive(Clone, Debug)]
@@ -96,8 +97,10 @@ struct In {
 
 /// Tilt beyond which a simulated robot lies and is not simulated further until it is set up.
 const LIES_COS: f64 = 0.2;
-/// How long lock step waits for an answer before it goes on without.
+/// How long lock step waits for an answer before it goes on without, in real time.
 const LOCK_STEP_WAIT: Duration = Duration::from_millis(500);
+/// How often a stop is sent: it must not depend on one packet.
+pub(crate) const STOP_REPEATS: usize = 5;
 /// Status messages per second of robot time.
 const STATUS_HZ: f64 = 10.0;
 
@@ -135,18 +138,19 @@ pub fn serve<M: Machine>(
         rearm: node.subscription(Topics::REARM)?,
         set_up: node.subscription(Topics::SET_UP)?,
     };
-    let period_s = machine.control_period_s();
+    let description = machine.description();
+    let period_s = description.control_period_s;
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     machine.reset(posture, &mut rng)?;
     let mut server = Server {
-        guard: CommandGuard::new(machine.limits().to_vec(), config.bounds),
-        names: machine.joint_names().to_vec(),
+        guard: CommandGuard::new(machine.description().limits.clone(), config.bounds),
+        names: machine.description().joint_names.clone(),
         out,
         input,
         report: ServerReport::default(),
         set_ups: 0,
         period_s,
-        told: "",
+        told: ("", Refusals::default()),
         pending: 0,
         answers_ms: Vec::new(),
     };
@@ -188,22 +192,19 @@ pub fn serve<M: Machine>(
             server.report.periods += 1;
             continue;
         }
-        let measured: Vec<f64> = machine
-            .frame()
-            .joints
-            .iter()
-            .map(|j| j.position_rad)
-            .collect();
-        act = server.guard.act(now_s, period_s, &measured);
+        act = server.guard.act(now_s, period_s, &machine.frame().joints);
         let lies = machine
             .true_state()
             .is_some_and(|s| s.base.tilt_rad().cos() < LIES_COS);
         if !lies {
             let command = match &act {
-                Act::Follow(command) | Act::Hold(command) => command,
-                Act::Damp => &measured,
+                Act::Follow(command) | Act::Hold(command) => command.clone(),
+                Act::Damp => {
+                    let joints = &machine.frame().joints;
+                    joints.iter().map(|j| j.position_rad).collect()
+                }
             };
-            machine.step(command)?;
+            machine.step(&command)?;
         }
         server.report.periods += 1;
     }
@@ -231,8 +232,8 @@ struct Server {
     report: ServerReport,
     set_ups: u64,
     period_s: f64,
-    /// Whether it follows, holds or gives way, as last told.
-    told: &'static str,
+    /// Whether it follows, holds or gives way, and what the guard has refused, as last told.
+    told: (&'static str, Refusals),
     /// States in a row that were not answered.
     pending: u64,
     /// Time from telling each state to having its answer.
@@ -243,12 +244,11 @@ impl Server {
     /// Publishes the newest reading.
     fn tell<M: Machine>(&mut self, now_ns: u64, machine: &M, act: &Act) {
         let stamp = RosTime::from_nanoseconds(now_ns);
-        let [joints, imu, left, right] = [(); 4].map(|()| Header {
+        let header = Header {
             stamp,
             frame_id: "base".into(),
-        });
-        let (joints, imu, feet) =
-            to_messages(machine.frame(), &self.names, joints, imu, [left, right]);
+        };
+        let (joints, imu, feet) = to_messages(machine.frame(), &self.names, &header);
         // A reader that is slow or gone must not stop the robot: what cannot be sent is dropped.
         let _ = self.out.clock.publish(Clock { clock: stamp });
         let [left, right] = feet;
@@ -262,8 +262,9 @@ impl Server {
             Act::Hold(_) => "hold",
             Act::Damp => "damp",
         };
-        let changed = std::mem::replace(&mut self.told, doing) != doing;
-        if changed || self.report.periods.is_multiple_of(every) {
+        let (now, before) = ((doing, self.guard.refusals()), self.told);
+        self.told = now;
+        if now != before || self.report.periods.is_multiple_of(every) {
             let time_s = now_ns as f64 * 1e-9;
             let status = Status {
                 time_s,
@@ -302,17 +303,8 @@ impl Server {
         }
         for (message, info) in drain(&self.input.trajectory, unreadable) {
             let participant = writer_of(&info) >> 32;
-            let Some(point) = message.points.last() else {
-                continue;
-            };
-            // The last point, approached at the joints' own rates; joints not named are not moved.
-            let mut command: Vec<f64> = Vec::with_capacity(self.names.len());
-            for name in &self.names {
-                let at = message.joint_names.iter().position(|n| n == name);
-                let angle = at.and_then(|i| point.positions.get(i)).copied();
-                command.push(angle.unwrap_or(f64::NAN));
-            }
-            self.guard.command(now_s, participant, &command);
+            let trajectory = to_trajectory(&message, &self.names, now_s);
+            self.guard.trajectory(now_s, participant, trajectory);
         }
     }
 
@@ -337,13 +329,14 @@ impl Server {
         self.listen(now_s);
     }
 
-    /// Lock step: waits until the state of this period was answered. Without a controller, real time.
+    /// Lock step: waits until the state of this period was answered. Without a controller, and after one has
+    /// kept it waiting, real time.
     fn listen_for_answer(&mut self, now_ns: u64, now_s: f64) {
         let told = Instant::now();
         loop {
             self.listen(now_s);
             let writer = self.guard.has_writer(now_s);
-            let patience = if writer {
+            let patience = if writer && self.pending == 0 {
                 LOCK_STEP_WAIT
             } else {
                 Duration::from_secs_f64(self.period_s)
@@ -380,45 +373,28 @@ impl Server {
     }
 }
 
-/// A reading as messages.
-pub(crate) fn to_messages(
-    frame: &SensorFrame,
-    names: &[String],
-    joints: Header,
-    imu: Header,
-    feet: [Header; 2],
-) -> (JointState, Imu, [WrenchStamped; 2]) {
-    let [w, x, y, z] = frame.orientation;
-    let mut absent = [0.0; 9];
-    absent[0] = -1.0;
-    let [left, right] = feet;
-    let wrench = |header: Header, load_n: f64| WrenchStamped {
-        header,
-        force: [0.0, 0.0, load_n].into(),
-        torque: [0.0; 3].into(),
-    };
-    (
-        JointState {
-            header: joints,
-            name: names.to_vec(),
-            position: frame.joints.iter().map(|j| j.position_rad).collect(),
-            velocity: frame.joints.iter().map(|j| j.velocity_rad_s).collect(),
-            effort: frame.joints.iter().map(|j| j.torque_nm).collect(),
-        },
-        Imu {
-            header: imu,
-            data: ImuData {
-                orientation: Quaternion { x, y, z, w },
-                angular_velocity: frame.angular_velocity_rad_s.into(),
-                linear_acceleration_covariance: absent,
-                ..ImuData::default()
-            },
-        },
-        [
-            wrench(left, frame.loads_n[0]),
-            wrench(right, frame.loads_n[1]),
-        ],
-    )
+/// A message as a trajectory of the machine's joints; a message that names a joint which the machine does not
+/// have, or has not one angle per name, becomes one without points, which is refused.
+fn to_trajectory(message: &JointTrajectory, names: &[String], now_s: f64) -> Trajectory {
+    let known = message.joint_names.iter().all(|n| names.contains(n));
+    let width = message.joint_names.len();
+    let whole = message.points.iter().all(|p| p.positions.len() == width);
+    let stamp_s = message.header.stamp.seconds();
+    let points = message.points.iter().filter(|_| known && whole);
+    Trajectory {
+        // A stamp of 0 says: now.
+        start_s: if stamp_s > 0.0 { stamp_s } else { now_s },
+        points: points
+            .map(|point| {
+                let angle = |name| {
+                    let at = message.joint_names.iter().position(|n| n == name);
+                    at.and_then(|i| point.positions.get(i)).copied()
+                };
+                let positions = names.iter().map(angle).collect();
+                (point.time_from_start.seconds(), positions)
+            })
+            .collect(),
+    }
 }
 
 /// Presses, or after `rearm` releases, the emergency stop of the robot on a network. Tells whether a robot
@@ -438,8 +414,7 @@ pub fn send_stop(link: &Ros2Config, reason: &str, rearm: bool) -> Result<bool, L
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    // Several times: a stop must not depend on one packet.
-    for _ in 0..5 {
+    for _ in 0..STOP_REPEATS {
         let _ = publisher.publish(Text {
             data: reason.to_owned(),
         });

@@ -7,9 +7,9 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_robot::{
-    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointLimits, JointMap, JointState,
-    JointTargets, KinematicModel, Legs, Machine, Pose, Robot, RobotError, RobotState, SensorFrame,
-    Shape, check_command,
+    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointMap, JointState, JointTargets,
+    KinematicModel, Legs, Machine, MachineDescription, Pose, Robot, RobotError, RobotState,
+    SensorFrame, Shape, check_command,
 };
 
 use crate::binding::{Axis, Binding};
@@ -29,9 +29,7 @@ use mujoco_rs::prelude::MjData;
 pub struct SimulatedMachine {
     robot: MujocoRobot,
     hardware: Option<(HardwareConfig, Individual)>,
-    joint_names: Vec<String>,
-    limits: Vec<JointLimits>,
-    period_s: f64,
+    description: MachineDescription,
     rng: ChaCha8Rng,
     /// Commands under way; the front one acts next.
     commands: VecDeque<Vec<f64>>,
@@ -82,9 +80,12 @@ impl SimulatedMachine {
             .map(|(individual, h)| (h, individual));
         Ok(Self {
             hardware,
-            joint_names,
-            limits,
-            period_s: config.control_period_s,
+            description: MachineDescription {
+                name: robot.description().name.clone(),
+                joint_names,
+                control_period_s: config.control_period_s,
+                limits,
+            },
             rng: ChaCha8Rng::seed_from_u64(0),
             commands: VecDeque::new(),
             acting: Vec::new(),
@@ -101,7 +102,9 @@ impl SimulatedMachine {
     }
 
     fn periods(&self, delay_s: f64) -> usize {
-        (delay_s / self.period_s).round().max(0.0) as usize
+        (delay_s / self.description.control_period_s)
+            .round()
+            .max(0.0) as usize
     }
 
     /// What the sensors say now.
@@ -115,20 +118,8 @@ impl SimulatedMachine {
 }
 
 impl Machine for SimulatedMachine {
-    fn name(&self) -> &str {
-        &self.robot.description().name
-    }
-
-    fn joint_names(&self) -> &[String] {
-        &self.joint_names
-    }
-
-    fn control_period_s(&self) -> f64 {
-        self.period_s
-    }
-
-    fn limits(&self) -> &[JointLimits] {
-        &self.limits
+    fn description(&self) -> &MachineDescription {
+        &self.description
     }
 
     fn reset(
@@ -136,7 +127,7 @@ impl Machine for SimulatedMachine {
         command_rad: &[f64],
         rng: &mut ChaCha8Rng,
     ) -> Result<&SensorFrame, RobotError> {
-        check_command(command_rad, &self.joint_names)?;
+        check_command(command_rad, &self.description.joint_names)?;
         let posture = self.robot.legs_of_all(command_rad);
         self.robot.command_others(command_rad);
         self.robot.reset(&posture, rng)?;
@@ -163,7 +154,7 @@ impl Machine for SimulatedMachine {
     }
 
     fn step(&mut self, command_rad: &[f64]) -> Result<&SensorFrame, RobotError> {
-        check_command(command_rad, &self.joint_names)?;
+        check_command(command_rad, &self.description.joint_names)?;
         let lost = match &self.hardware {
             None => false,
             Some((config, _)) => self.rng.random::<f64>() < config.lost_commands,

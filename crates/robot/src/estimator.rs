@@ -225,16 +225,17 @@ impl<M: Machine> EstimatedRobot<M> {
     ///
     /// [`RobotError::Kinematics`] if they have different numbers of joints.
     pub fn new(machine: M, estimator: Estimator) -> Result<Self, RobotError> {
-        if machine.joint_names().len() != estimator.model.joints() {
+        let own = machine.description();
+        if own.joint_names.len() != estimator.model.joints() {
             return Err(RobotError::Kinematics {
                 what: "another number of joints than the robot",
             });
         }
         let description = RobotDescription {
-            name: machine.name().to_owned(),
-            control_period_s: machine.control_period_s(),
+            name: own.name.clone(),
+            control_period_s: own.control_period_s,
             mass_kg: estimator.model.mass_kg(),
-            limits: estimator.map.limits_of(machine.limits()),
+            limits: estimator.map.limits_of(&own.limits),
         };
         Ok(Self {
             machine,

@@ -4,6 +4,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::RobotError;
 use crate::legs::{JointTargets, Legs};
+use crate::limit::{LimitCounts, within};
 use crate::robot::{JointLimits, Robot, RobotDescription};
 use crate::shape::{Pose, Shape};
 use crate::state::RobotState;
@@ -11,7 +12,7 @@ use crate::state::RobotState;
 /// What a guard holds a robot to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuardLimits {
-    /// Range and rate of each joint's command.
+    /// Range, rate and torque of each joint.
     pub joints: Legs<JointLimits>,
     /// The emergency stop is pressed when the base tilts further; π for never.
     pub tilt_rad: f64,
@@ -38,18 +39,22 @@ pub struct GuardCounts {
     pub position_clamped: u64,
     /// Joint commands held back to the joint's rate.
     pub rate_limited: u64,
+    /// Joint commands eased because the joint pushed harder than it may.
+    #[serde(default)]
+    pub torque_limited: u64,
     /// Commands refused because a target was not finite.
     pub not_finite: u64,
     /// Emergency stops.
     pub emergency_stops: u64,
 }
 
-/// A robot behind a guard: targets are kept within each joint's range and rate, and the emergency stop latches
+/// A robot behind a guard: targets are kept within each joint's range, rate and torque, and the emergency stop latches
 /// when the robot reports nonsense.
 ///
 /// - Targets that are not finite are refused; nothing is sent.
 /// - Each target is clamped to its joint's range, then to what the joint's rate allows from the last command
-///   sent (after a reset: from the posture; after re-arming: from the measured angle).
+///   sent (after a reset: from the posture; after re-arming: from the measured angle), and eased where the
+///   joint pushes harder than it may ([`JointLimits::hold`]).
 /// - A state that is not finite, a clock that stands still, runs backwards or jumps, a tilt beyond the limit,
 ///   and every error of the robot's own press the emergency stop. Until [`rearm`](Self::rearm), every command
 ///   is refused with [`RobotError::EmergencyStop`], resets included.
@@ -166,23 +171,22 @@ impl<R: Robot> Guarded<R> {
     fn limit(&mut self, targets: &JointTargets) -> JointTargets {
         let period_s = self.inner.description().control_period_s;
         let state = self.inner.state();
-        let (mut clamped, mut held) = (0, 0);
+        let mut counts = LimitCounts::default();
         let position_rad = Legs::from_fn(|side, joint| {
-            let limits = &self.limits.joints[(side, joint)];
-            let wanted = targets.position_rad[(side, joint)];
+            let measured = &state.joints[(side, joint)];
             let from = match &self.last {
                 Some(last) => last.position_rad[(side, joint)],
-                None => state.joints[(side, joint)].position_rad,
+                None => measured.position_rad,
             };
-            let within = within(wanted, limits.lower_rad, limits.upper_rad);
-            let reach = limits.velocity_rad_s * period_s;
-            let reached = self::within(within, from - reach, from + reach);
-            clamped += u64::from((within - wanted).abs() > 0.0);
-            held += u64::from((reached - within).abs() > 0.0);
-            reached
+            let wanted = targets.position_rad[(side, joint)];
+            let limits = &self.limits.joints[(side, joint)];
+            let (held, one) = limits.hold(wanted, from, measured, period_s);
+            counts += one;
+            held
         });
-        self.counts.position_clamped += clamped;
-        self.counts.rate_limited += held;
+        self.counts.position_clamped += counts.position_clamped;
+        self.counts.rate_limited += counts.rate_limited;
+        self.counts.torque_limited += counts.torque_limited;
         JointTargets { position_rad }
     }
 
@@ -220,15 +224,6 @@ impl<R: Robot> Guarded<R> {
             }
             None => Ok(()),
         }
-    }
-}
-
-/// A value moved into a range; the middle of a range that is empty.
-fn within(value: f64, lower: f64, upper: f64) -> f64 {
-    if lower <= upper {
-        value.clamp(lower, upper)
-    } else {
-        0.5 * (lower + upper)
     }
 }
 

@@ -42,23 +42,27 @@ impl SensorFrame {
     }
 }
 
+/// What does not change while a machine runs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MachineDescription {
+    /// Name for reports.
+    pub name: String,
+    /// Names of the joints, in the order of commands and readings.
+    pub joint_names: Vec<String>,
+    /// Time between two commands.
+    pub control_period_s: f64,
+    /// Limits of each joint, in the machine's signs.
+    pub limits: Vec<JointLimits>,
+}
+
 /// A machine with servos and sensors: what a robot is before anyone estimates where it stands.
 ///
 /// Commands are angles of every joint, in the machine's own order and signs. The contract is that of
 /// [`Robot`](crate::Robot): a reset comes first, each step advances the clock by one control period,
 /// commands that are not finite or too few are refused and change nothing.
 pub trait Machine: Send {
-    /// Name for reports.
-    fn name(&self) -> &str;
-
-    /// Names of the joints, in the order of commands and readings.
-    fn joint_names(&self) -> &[String];
-
-    /// Time between two commands.
-    fn control_period_s(&self) -> f64;
-
-    /// Limits of each joint, in the machine's signs.
-    fn limits(&self) -> &[JointLimits];
+    /// What does not change while it runs.
+    fn description(&self) -> &MachineDescription;
 
     /// Brings the machine to rest with these angles, standing on both feet, with time 0.
     ///
@@ -114,20 +118,8 @@ pub trait Machine: Send {
 }
 
 impl<M: Machine + ?Sized> Machine for Box<M> {
-    fn name(&self) -> &str {
-        (**self).name()
-    }
-
-    fn joint_names(&self) -> &[String] {
-        (**self).joint_names()
-    }
-
-    fn control_period_s(&self) -> f64 {
-        (**self).control_period_s()
-    }
-
-    fn limits(&self) -> &[JointLimits] {
-        (**self).limits()
+    fn description(&self) -> &MachineDescription {
+        (**self).description()
     }
 
     fn reset(

@@ -4,6 +4,63 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::robot::JointLimits;
+
+/// The unit of a robot's angles and rates on the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AngleUnit {
+    /// Radians, as REP-103 has it.
+    #[default]
+    Rad,
+    /// Degrees.
+    Deg,
+}
+
+/// Limits of a joint that are tighter than those of its model; what is left out stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TighterLimits {
+    /// Smallest angle of the robot's joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lower_deg: Option<f64>,
+    /// Largest angle of the robot's joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub upper_deg: Option<f64>,
+    /// Largest rate, either way, > 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_rad_s: Option<f64>,
+    /// Largest torque, either way, > 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque_nm: Option<f64>,
+}
+
+impl TighterLimits {
+    /// A model's limits, tightened. Angles count from the robot's own zero, as the model's do.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_robot::{JointLimits, TighterLimits};
+    ///
+    /// let model = JointLimits { lower_rad: -1.0, upper_rad: 1.0, velocity_rad_s: 5.0, torque_nm: 4.0 };
+    /// let tighter = TighterLimits { torque_nm: Some(2.0), velocity_rad_s: Some(9.0), ..Default::default() };
+    /// let limits = tighter.of(model);
+    /// assert_eq!((limits.torque_nm, limits.velocity_rad_s), (2.0, 5.0));
+    /// ```
+    #[must_use]
+    pub fn of(&self, model: JointLimits) -> JointLimits {
+        let least = |own: f64, tighter: Option<f64>| tighter.map_or(own, |t| own.min(t));
+        let rad = |deg: Option<f64>| deg.map(f64::to_radians);
+        JointLimits {
+            lower_rad: rad(self.lower_deg).map_or(model.lower_rad, |t| model.lower_rad.max(t)),
+            upper_rad: least(model.upper_rad, rad(self.upper_deg)),
+            velocity_rad_s: least(model.velocity_rad_s, self.velocity_rad_s),
+            torque_nm: least(model.torque_nm, self.torque_nm),
+        }
+    }
+}
+
 /// A robot behind ROS 2: address, topics, and the bounds of the guards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -20,12 +77,21 @@ pub struct Ros2Config {
     pub left_foot: String,
     /// `geometry_msgs/WrenchStamped` of the right foot.
     pub right_foot: String,
-    /// `std_msgs/Float64MultiArray`, one angle per joint in the order of the joint states.
+    /// `std_msgs/Float64MultiArray`, one angle per joint in the order of `command_joints`.
     pub commands: String,
+    /// The joints that the commands' topic takes, in its order; empty: all, in the order in which the robot
+    /// names them in its joint states.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub command_joints: Vec<String>,
+    /// Unit of angles and rates in joint states and commands.
+    pub angle_unit: AngleUnit,
     /// `rosgraph_msgs/Clock`.
     pub clock: String,
     /// The machine's angle, in degrees, where the model's is zero; joints not named: 0.
     pub offset_deg: BTreeMap<String, f64>,
+    /// Limits of joints, by their names, that are tighter than the model's.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits: BTreeMap<String, TighterLimits>,
     /// Seconds within which the robot must be found.
     pub connect_s: f64,
     /// Seconds of silence, on this machine's clock, after which the link counts as lost.
@@ -53,8 +119,11 @@ impl Default for Ros2Config {
             left_foot: "/left_foot/wrench".into(),
             right_foot: "/right_foot/wrench".into(),
             commands: "/forward_command_controller/commands".into(),
+            command_joints: Vec::new(),
+            angle_unit: AngleUnit::Rad,
             clock: "/clock".into(),
             offset_deg: BTreeMap::new(),
+            limits: BTreeMap::new(),
             connect_s: 10.0,
             silence_s: 2.0,
             gap_s: 0.05,

@@ -14,7 +14,8 @@ use stridemap_lab::{
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 
-use super::robot::{Answers, here, plant};
+use super::beside::Doing;
+use super::linked::{beside_run, here, plant};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -22,13 +23,22 @@ use crate::output;
 /// Strides left out of means: the start-up transient.
 const DISCARD: usize = 10;
 
-/// A run's task, with overrides, and its policy or the nominal gait.
+/// Falls, and the strides in which they were counted.
+type FallsIn = (usize, usize);
+
+/// A run's task, with overrides, its policy or the nominal gait, and how often that fell when last measured.
 fn task_and_policy(
     path: &Path,
     nominal: bool,
     common: &Common,
-) -> Result<(Task, SavedPolicy), Failure> {
+) -> Result<(Task, SavedPolicy, Option<FallsIn>), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
+    let measured = if nominal {
+        run.progress.nominal
+    } else {
+        run.progress.final_performance
+    };
+    let falls = measured.map(|p| (p.falls, p.strides));
     let policy = if nominal {
         Algorithm::new(&here(&run.task), 0)?.nominal_policy()?
     } else {
@@ -37,7 +47,7 @@ fn task_and_policy(
     policy
         .check_fits(&run.task.process_spec()?)
         .map_err(LabError::from)?;
-    Ok((run.task, policy))
+    Ok((run.task, policy, falls))
 }
 
 #[derive(Serialize)]
@@ -57,8 +67,10 @@ pub fn evaluate(
     if strides == 0 {
         return Err(Failure::request("--strides must be at least 1"));
     }
-    let (task, policy) = task_and_policy(path, nominal, common)?;
-    let mut plant = plant(&task, common, &Answers::default(), None)?;
+    let (task, policy, falls) = task_and_policy(path, nominal, common)?;
+    let doing = Doing::apply(format!("make {strides} strides to measure a policy"), falls);
+    let beside = beside_run(&task, Some(path))?;
+    let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let batch = Batch {
         iteration: 0,
         phase: StridePhase::Record,
@@ -143,18 +155,20 @@ pub fn run(
     if !(seconds.is_finite() && seconds > 0.0) {
         return Err(Failure::request("--seconds must be positive"));
     }
-    let (task, policy) = match (path, nominal) {
+    let (task, policy, falls) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
             let task = builtin::load(name, &common.sets)?
                 .on(common.robot.map(Into::into), common.seed)?
                 .task;
             let policy = Algorithm::new(&here(&task), 0)?.nominal_policy()?;
-            (task, policy)
+            (task, policy, None)
         }
         (None, None) => return Err(Failure::request("run needs a RUN or --nominal TASK")),
     };
-    let mut plant = plant(&task, common, &Answers::default(), None)?;
+    let doing = Doing::apply(format!("step or walk for {seconds} s"), falls);
+    let beside = beside_run(&task, path)?;
+    let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let mut rng = stream(common.seed, Role::Run, 0);
     let table = TransitionTable::new(plant.spec());
     let mut rows = vec![table.header()];
@@ -309,8 +323,10 @@ pub fn push(
             "--force, --duration and --strides must be positive",
         ));
     }
-    let (task, policy) = task_and_policy(path, nominal, common)?;
-    let mut plant = plant(&task, common, &Answers::default(), None)?;
+    let (task, policy, falls) = task_and_policy(path, nominal, common)?;
+    let doing = Doing::apply(format!("be pushed in {} strides", config.strides), falls);
+    let beside = beside_run(&task, Some(path))?;
+    let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     // Pushes of another robot than the run's own are not part of the run.
     let into_run = common.sets.is_empty().then_some(path);
     let film = film(&mut plant, &task);

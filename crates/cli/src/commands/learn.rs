@@ -9,7 +9,8 @@ use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Summary, Watcher};
 use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin};
 
-use super::robot::{Answers, algorithm};
+use super::beside::Doing;
+use super::linked::algorithm;
 use super::{provenance, run_path};
 use crate::args::{Common, LearnerName, RobotName};
 use crate::failure::Failure;
@@ -74,31 +75,20 @@ pub fn start(
         Arc::clone(stop),
         watcher,
     )?;
-    let answers = Answers::default();
     let mut algorithm = algorithm(
         &loaded.task,
         common.seed,
         Progress::default(),
         common,
-        &answers,
+        &Doing::Learn,
         Some(path),
     )?;
-    finish(&mut algorithm, &mut directory, &answers)
+    finish(&mut algorithm, &mut directory)
 }
 
 /// Runs what is missing and writes the summary, also when something goes wrong on the way.
-fn finish(
-    algorithm: &mut Algorithm<'_>,
-    directory: &mut RunDirectory,
-    answers: &Answers,
-) -> Result<Summary, Failure> {
+fn finish(algorithm: &mut Algorithm<'_>, directory: &mut RunDirectory) -> Result<Summary, Failure> {
     let result = algorithm.learn(directory);
-    for (asked, answered) in answers.lock().map(|a| a.clone()).unwrap_or_default() {
-        directory.event(
-            "asked",
-            serde_json::json!({ "asked": asked, "answered": if answered { "yes" } else { "no" } }),
-        )?;
-    }
     let summary = directory.write_summary(&algorithm.progress);
     match result {
         Ok(()) => {
@@ -145,16 +135,15 @@ pub fn go_on(
     } = run;
     let (mut directory, progress) =
         RunDirectory::resume(path, task, provenance.seed, Arc::clone(stop), watcher)?;
-    let answers = Answers::default();
     let mut algorithm = algorithm(
         task,
         provenance.seed,
         progress,
         common,
-        &answers,
+        &Doing::Learn,
         Some(path),
     )?;
-    finish(&mut algorithm, &mut directory, &answers)
+    finish(&mut algorithm, &mut directory)
 }
 
 /// Shows what a run achieved.

@@ -2,9 +2,12 @@
 
 pub mod apply;
 pub mod bench;
+pub mod beside;
 pub mod compare;
+pub mod faults;
 pub mod learn;
 pub mod learners;
+pub mod linked;
 pub mod report;
 pub mod reproduce;
 pub mod robot;

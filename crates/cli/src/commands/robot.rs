@@ -1,24 +1,15 @@
-//! Robots behind ROS 2: `robot` simulates one, `stop` stops one, and every command that moves a robot
-//! comes here for its plant.
-
-use std::io::{BufRead, Write};
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+//! Robots behind ROS 2: `robot` simulates one, `stop` stops one, `bench-link` times one.
 
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{
-    Algorithm, Plant, Progress, RobotChoice, StrideObserver, StridePhase, StrideRole, Task,
-    Transition, builtin,
-};
-use stridemap_link::{
-    GuardBounds, Journal, LinkError, LoggedMachine, Operator, RemoteMachine, ReplayMachine, Serve,
-    SharedJournal, fault_table, read_log, send_stop, serve,
-};
-use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator, joints_at_rest};
+use stridemap_lab::{RobotChoice, builtin};
+use stridemap_link::{GuardBounds, LinkError, Serve, send_stop, serve};
+use stridemap_mujoco::{MujocoConfig, SimulatedMachine, joints_at_rest};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
-use stridemap_robot::{EstimatedRobot, JointLimits, Machine, Ros2Config};
-use stridemap_section::Crossing;
+use stridemap_robot::Ros2Config;
+
+use super::beside::Doing;
+use super::linked::plant;
 
 use crate::args::{Common, Network};
 use crate::failure::Failure;
@@ -104,264 +95,6 @@ pub fn stop(rearm: bool, reason: &str, network: &Network) -> Result<(), Failure>
     }
 }
 
-/// What was asked, and what was answered.
-pub type Answers = Arc<Mutex<Vec<(String, bool)>>>;
-
-/// The person at the terminal.
-struct Person {
-    plan: String,
-    yes: bool,
-    answers: Answers,
-}
-
-impl Operator for Person {
-    fn set_up(&mut self, why: &str) -> bool {
-        // Between batches nothing has happened that a person must look at.
-        if why == "a new start" {
-            return true;
-        }
-        let answer = self.yes || {
-            output::note(format!("{why}: {}", self.plan));
-            let mut stderr = std::io::stderr();
-            let _ = write!(
-                stderr,
-                "is the robot set up, upright and clear to move? [y/N] "
-            );
-            let _ = stderr.flush();
-            let mut line = String::new();
-            let read = std::io::stdin().lock().read_line(&mut line);
-            read.is_ok() && matches!(line.trim(), "y" | "Y" | "yes")
-        };
-        if let Ok(mut answers) = self.answers.lock() {
-            answers.push((why.to_owned(), answer));
-        }
-        answer
-    }
-}
-
-/// What a task will do to a robot, in a sentence.
-fn plan(task: &Task) -> String {
-    let counts = &task.collect.strides;
-    let training: usize = (0..task.algorithm.iterations)
-        .map(|i| counts.get(i).or(counts.last()).copied().unwrap_or(0))
-        .sum();
-    let measured = 2 * (task.record.strides + task.record.discard)
-        + task.algorithm.iterations * (task.record.iteration_strides + task.record.discard);
-    let bounds: Vec<String> = task
-        .action
-        .iter()
-        .map(|a| format!("{} in [{}, {}]", a.modulates, a.bounds[0], a.bounds[1]))
-        .collect();
-    format!(
-        "{} will make about {training} strides to learn and {measured} to measure, with {}; joints turn at up \
-         to {:.1} rad/s; at most {} falls are expected while learning",
-        task.name,
-        bounds.join(", "),
-        task.robot.velocity_limit_rad_s,
-        task.success.falls_at_most
-    )
-}
-
-/// Writes actions and sections into a robot's log.
-struct LogStrides(SharedJournal);
-
-impl StrideObserver for LogStrides {
-    fn action(&mut self, action: &[f64]) {
-        // A log that cannot be written is told by the machine that writes it as well.
-        if let Ok(mut journal) = self.0.lock() {
-            let _ = journal.action(action);
-        }
-    }
-
-    fn section(&mut self, crossing: &Crossing) {
-        let p = &crossing.pendulum;
-        let numbers = [
-            crossing.time_s,
-            p.roll_rad.to_degrees(),
-            p.pitch_rad.to_degrees(),
-            p.stance.lateral_sign(),
-        ];
-        if let Ok(mut journal) = self.0.lock() {
-            let _ = journal.section(&numbers);
-        }
-    }
-}
-
-/// The first name of a log in a run's directory that is not taken.
-pub fn log_path(run: &Path) -> PathBuf {
-    let named = |k: usize| match k {
-        1 => run.join("log.mcap"),
-        _ => run.join(format!("log-{k}.mcap")),
-    };
-    (1..10_000)
-        .map(named)
-        .find(|path| !path.exists())
-        .unwrap_or_else(|| run.join("log.mcap"))
-}
-
-/// The plant of a task: simulated here, or behind its link. A robot behind a link writes a log if it is told
-/// where; one simulated here only with `--log`.
-pub fn plant(
-    task: &Task,
-    common: &Common,
-    answers: &Answers,
-    run: Option<&Path>,
-) -> Result<Plant, Failure> {
-    let lab = stridemap_lab::LabError::from;
-    let logged = common.log || task.link.is_some();
-    let path = run.filter(|_| logged).map(log_path);
-    let machine: Box<dyn Machine> = match &task.link {
-        None if path.is_none() || !task.robot.estimated => return Ok(task.plant()?),
-        None => Box::new(SimulatedMachine::new(&task.robot).map_err(lab)?),
-        Some(link) => {
-            let (names, limits) = joints(task)?;
-            let operator = Person {
-                plan: plan(task),
-                yes: common.yes,
-                answers: Arc::clone(answers),
-            };
-            let period_s = task.robot.control_period_s;
-            Box::new(RemoteMachine::open(
-                link,
-                names,
-                limits,
-                period_s,
-                Box::new(operator),
-            )?)
-        }
-    };
-    let estimator = estimator(&here(task).robot).map_err(lab)?;
-    let Some(path) = path else {
-        let robot =
-            EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
-        return Ok(task.plant_on(Box::new(robot))?);
-    };
-    let link = task.link.clone().unwrap_or_default();
-    let journal = Journal::create(&path, machine.joint_names(), &link)?;
-    let machine = LoggedMachine::new(machine, Arc::clone(&journal));
-    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
-    let mut plant = task.plant_on(Box::new(robot))?;
-    plant.log(Some(Box::new(LogStrides(journal))));
-    Ok(plant)
-}
-
-/// Names and limits of the joints that a task's joint map expects, in the robot's order and signs.
-fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
-    let ideal = MujocoConfig {
-        hardware: None,
-        ..task.robot.clone()
-    };
-    let model = SimulatedMachine::new(&ideal).map_err(stridemap_lab::LabError::from)?;
-    Ok((model.joint_names().to_vec(), model.limits().to_vec()))
-}
-
-/// Strides from a log, with no robot at all.
-pub fn strides_of_log(task: &Task, log: &Path) -> Result<Vec<Transition>, Failure> {
-    let link = task.link.clone().unwrap_or_default();
-    let episodes = read_log(log, &link)?;
-    let starts = episodes.len();
-    let (names, limits) = joints(task)?;
-    let machine = ReplayMachine::new(episodes, names, limits, task.robot.control_period_s);
-    let actions = machine.actions();
-    let estimator = estimator(&here(task).robot).map_err(stridemap_lab::LabError::from)?;
-    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
-    let mut plant = task.plant_on(Box::new(robot))?;
-    let mut rng = stream(0, Role::Collect, 0);
-    let mut transitions = Vec::new();
-    for episode in 0..starts {
-        // The log is over, or this start never came to a section: there is nothing more to learn from it.
-        let Ok(mut state) = plant.reset(&mut rng) else {
-            continue;
-        };
-        let mut k = 0;
-        loop {
-            let action = actions.lock().ok().and_then(|mut queue| queue.pop_front());
-            let Some(action) = action else { break };
-            let (stance, last_action) = (plant.stance(), plant.last_action().clone());
-            let stride = plant
-                .stride(&action, &mut rng)
-                .map_err(stridemap_lab::LabError::from)?;
-            if stride.end == StrideEnd::Aborted {
-                break;
-            }
-            transitions.push(Transition {
-                iteration: 1,
-                phase: StridePhase::Collect,
-                role: StrideRole::Training,
-                episode,
-                k,
-                time_s: plant.robot().state().time_s,
-                stance,
-                state: state.clone(),
-                last_action,
-                action: stride.action,
-                next_state: stride.next_state.clone(),
-                reward: stride.reward,
-                end: stride.end,
-                measures: *plant.last_measures(),
-                true_psi_roll_deg: None,
-                true_forward_m: None,
-            });
-            if stride.end != StrideEnd::Crossing {
-                break;
-            }
-            state = stride.next_state;
-            k += 1;
-        }
-    }
-    Ok(transitions)
-}
-
-/// A run of a task on its robot; `run` is its directory, where the log goes.
-pub fn algorithm<'a>(
-    task: &'a Task,
-    seed: u64,
-    progress: Progress,
-    common: &Common,
-    answers: &Answers,
-    run: Option<&Path>,
-) -> Result<Algorithm<'a>, Failure> {
-    let plant = plant(task, common, answers, run)?;
-    Ok(Algorithm::on(task, seed, plant, progress))
-}
-
-/// A task as if its robot were simulated here: for work that needs a plant's shape, not its robot.
-pub fn here(task: &Task) -> Task {
-    Task {
-        link: None,
-        ..task.clone()
-    }
-}
-
-/// Tries every fault and prints the table.
-pub fn faults(json: bool, domain: u16) -> Result<(), Failure> {
-    let link = Ros2Config {
-        domain,
-        ..Ros2Config::default()
-    };
-    let rows = fault_table(&link)?;
-    if json {
-        output::json(&rows)?;
-    } else {
-        for row in &rows {
-            let within = row.within_ms.map_or("-".into(), |ms| format!("{ms:.0} ms"));
-            output::line(format!(
-                "{} {:<28} {within:>8}  {}",
-                if row.ok { "ok  " } else { "FAIL" },
-                row.fault,
-                row.seen
-            ));
-        }
-    }
-    if rows.iter().all(|row| row.ok) {
-        Ok(())
-    } else {
-        Err(Failure::working(
-            "the link did not meet every fault as it must",
-        ))
-    }
-}
-
 /// What the bench of the link shows.
 #[derive(Serialize)]
 struct LinkBench {
@@ -410,7 +143,7 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
         json,
         threads: None,
     };
-    let mut plant = plant(&task, &common, &Answers::default(), None)?;
+    let mut plant = plant(&task, &common, &Doing::Collect, None)?;
     let mut rng = stream(1, Role::Run, 0);
     plant
         .reset(&mut rng)

@@ -8,7 +8,8 @@ use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
 use stridemap_lab::{Algorithm, Performance, Phase, Progress, builtin, fit_map};
 use stridemap_returnmap::{LearnedMap, SavedMap};
 
-use super::{provenance, robot, run_path};
+use super::beside::Doing;
+use super::{linked, provenance, run_path};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -29,12 +30,12 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         let watcher = Box::new(RunProgress::new(&task));
         let (mut directory, progress) =
             RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-        let mut algorithm = robot::algorithm(
+        let mut algorithm = linked::algorithm(
             &task,
             provenance.seed,
             progress,
             common,
-            &robot::Answers::default(),
+            &Doing::Collect,
             Some(run),
         )?;
         if algorithm.progress.policies.len() < algorithm.progress.iterations.len() {
@@ -53,12 +54,12 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
     let watcher = Box::new(RunProgress::new(&loaded.task));
     let (task, resolved) = (&loaded.task, &loaded.resolved);
     let mut directory = RunDirectory::create(&path, task, resolved, &record, stop_flag(), watcher)?;
-    let mut algorithm = robot::algorithm(
+    let mut algorithm = linked::algorithm(
         task,
         common.seed,
         Progress::default(),
         common,
-        &robot::Answers::default(),
+        &Doing::Collect,
         Some(&path),
     )?;
     algorithm.collect(&mut directory)?;
@@ -75,7 +76,7 @@ pub fn collect_from(
     let task = builtin::load(task, &common.sets)?
         .on(common.robot.map(Into::into), common.seed)?
         .task;
-    let transitions = robot::strides_of_log(&task, log)?;
+    let transitions = linked::strides_of_log(&task, log)?;
     let table = TransitionTable::new(&task.process_spec()?);
     let mut rows = vec![table.header()];
     rows.extend(transitions.iter().map(|t| table.row(t)));
@@ -197,7 +198,7 @@ pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
     let watcher = Box::new(RunProgress::new(&task));
     let (mut directory, progress) =
         RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-    let simulated = robot::here(&task);
+    let simulated = linked::here(&task);
     let mut algorithm = Algorithm::resume(&simulated, provenance.seed, progress)?;
     let (policies, iterations) = (
         algorithm.progress.policies.len(),

@@ -12,7 +12,9 @@ use crate::algorithm::{Iteration, Phase, Progress, Recorder, Seconds};
 use crate::error::LabError;
 use crate::poses::{Pace, Recording};
 use crate::provenance::Provenance;
-use crate::run::files::{Log, create_dir, read_json, read_text, write_json, write_whole};
+use crate::run::files::{
+    Log, append_line, create_dir, read_json, read_text, write_json, write_whole,
+};
 use crate::run::grid;
 use crate::run::summary::Summary;
 use crate::run::table::TransitionTable;
@@ -160,7 +162,9 @@ impl RunDirectory {
 
     /// Opens a run directory to go on with its run, and reads what it achieved.
     ///
-    /// What was written after the last checkpoint is dropped and made again, with the same result.
+    /// What was written after the last checkpoint is dropped and made again, with the same result. A robot
+    /// behind a link cannot repeat what it did: its training and evaluation strides are kept, and the run goes
+    /// on after the last of them. Strides made only to report are measured anew.
     ///
     /// # Errors
     ///
@@ -173,8 +177,19 @@ impl RunDirectory {
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<(Self, Progress), LabError> {
-        let (progress, rows) = read_progress(path, task)?;
-        let directory = Self::open_logs(path, task, seed, rows, stop, watcher)?;
+        let (mut progress, mut rows) = read_progress(path, task)?;
+        if task.link.is_some() {
+            progress.unfinished = read_unfinished(path, task, rows[0])?;
+            rows[0] += progress.unfinished.len();
+        }
+        let mut directory = Self::open_logs(path, task, seed, rows, stop, watcher)?;
+        directory.event(
+            "resumed",
+            serde_json::json!({
+                "strides": rows[0],
+                "of_an_unfinished_batch": progress.unfinished.len(),
+            }),
+        )?;
         Ok((directory, progress))
     }
 
@@ -190,14 +205,7 @@ impl RunDirectory {
     ///
     /// [`LabError::File`].
     pub fn event(&mut self, kind: &str, details: serde_json::Value) -> Result<(), LabError> {
-        let mut event = serde_json::json!({
-            "time": jiff::Timestamp::now().to_string(),
-            "event": kind,
-        });
-        if let (Some(map), serde_json::Value::Object(more)) = (event.as_object_mut(), details) {
-            map.extend(more);
-        }
-        self.events.append(&event.to_string())
+        self.events.append(&event_line(kind, details))
     }
 
     fn check_stop(&self) -> Result<(), LabError> {
@@ -349,6 +357,27 @@ impl Recorder for RunDirectory {
     }
 }
 
+fn event_line(kind: &str, details: serde_json::Value) -> String {
+    let mut event = serde_json::json!({
+        "time": jiff::Timestamp::now().to_string(),
+        "event": kind,
+    });
+    if let (Some(map), serde_json::Value::Object(more)) = (event.as_object_mut(), details) {
+        map.extend(more);
+    }
+    event.to_string()
+}
+
+/// Appends an event to a run's `events.ndjson` at once, whoever else writes into it: for those beside the run,
+/// such as the person who was asked something.
+///
+/// # Errors
+///
+/// [`LabError::File`].
+pub fn append_event(run: &Path, kind: &str, details: serde_json::Value) -> Result<(), LabError> {
+    append_line(&run.join("events.ndjson"), &event_line(kind, details))
+}
+
 /// Reads what a run achieved up to its last checkpoint, and how many rows of each log belong to it.
 fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), LabError> {
     let checkpoint_path = path.join("checkpoint.json");
@@ -394,12 +423,31 @@ fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), Lab
         final_performance: c.final_performance,
         record_strides: c.record_strides,
         seconds: c.seconds,
+        unfinished: Vec::new(),
         total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
     };
     Ok((
         progress,
         [c.transition_rows, c.record_rows, c.learning_rows],
     ))
+}
+
+/// Reads the strides that were made after the last checkpoint, which counts `checkpoint_rows`. A last line that
+/// was cut short is no stride.
+fn read_unfinished(
+    path: &Path,
+    task: &Task,
+    checkpoint_rows: usize,
+) -> Result<Vec<Transition>, LabError> {
+    let log = path.join("transitions.csv");
+    if !log.exists() {
+        return Ok(Vec::new());
+    }
+    // Every row ends with a line break, and so does the header.
+    let whole = read_text(&log)?.matches('\n').count().saturating_sub(1);
+    let table = TransitionTable::new(&task.process_spec()?);
+    let mut all = table.read(&log, Some(whole.max(checkpoint_rows)))?;
+    Ok(all.split_off(checkpoint_rows.min(all.len())))
 }
 
 /// A run that was made before, read for further use. The directory is not changed.

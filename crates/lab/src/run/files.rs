@@ -84,6 +84,18 @@ pub fn create_dir(path: &Path) -> Result<(), LabError> {
     fs::create_dir_all(path).map_err(failed(path, "create directory"))
 }
 
+/// Appends one line to a file, which is made if it is not there.
+///
+/// # Errors
+///
+/// [`LabError::File`].
+pub fn append_line(path: &Path, line: &str) -> Result<(), LabError> {
+    let opened = OpenOptions::new().append(true).create(true).open(path);
+    opened
+        .and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()))
+        .map_err(failed(path, "append to"))
+}
+
 /// A log that only grows, one line after another, each flushed as it is written.
 pub struct Log {
     path: PathBuf,

@@ -1,0 +1,182 @@
+//! The plant of a task whose robot is behind ROS 2, logged, and strides from a log with no robot at all.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use stridemap_lab::run::files;
+use stridemap_lab::seed::{Role, stream};
+use stridemap_lab::{Algorithm, Plant, Progress, StridePhase, StrideRole, Task, Transition};
+use stridemap_link::{Journal, LoggedMachine, RemoteMachine, ReplayMachine, read_log};
+use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator};
+use stridemap_returnmap::{StrideEnd, StrideProcess};
+use stridemap_robot::{EstimatedRobot, JointLimits, Machine};
+
+use super::beside::{Doing, LastEnd, Person, Watcher, plan};
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::progress::robot_stop_flag;
+
+/// The first name of a log in a run's directory that is not taken.
+pub fn log_path(run: &Path) -> PathBuf {
+    let named = |k: usize| match k {
+        1 => run.join("log.mcap"),
+        _ => run.join(format!("log-{k}.mcap")),
+    };
+    (1..10_000)
+        .map(named)
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| run.join("log.mcap"))
+}
+
+/// The plant of a task: simulated here, or behind its link. A robot behind a link writes a log if it is told
+/// where; one simulated here only with `--log`.
+pub fn plant(
+    task: &Task,
+    common: &Common,
+    doing: &Doing,
+    run: Option<&Path>,
+) -> Result<Plant, Failure> {
+    let lab = stridemap_lab::LabError::from;
+    let logged = common.log || task.link.is_some();
+    let path = run.filter(|_| logged).map(log_path);
+    let last_end = LastEnd::default();
+    let machine: Box<dyn Machine> = match &task.link {
+        None if path.is_none() || !task.robot.estimated => return Ok(task.plant()?),
+        None => Box::new(SimulatedMachine::new(&task.robot).map_err(lab)?),
+        Some(link) => {
+            let (names, limits) = joints(task)?;
+            let stop = robot_stop_flag();
+            let (text, halt) = (plan(task, doing), Arc::clone(&stop));
+            let operator = Person::new(text, common.yes, run, &last_end, stop);
+            let period_s = task.robot.control_period_s;
+            let operator = Box::new(operator);
+            let mut machine = RemoteMachine::open(link, names, limits, period_s, operator)?;
+            machine.halt_on(halt);
+            Box::new(machine)
+        }
+    };
+    let estimator = estimator(&here(task).robot).map_err(lab)?;
+    let Some(path) = path else {
+        let robot =
+            EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+        let mut plant = task.plant_on(Box::new(robot))?;
+        plant.log(Some(Box::new(Watcher {
+            journal: None,
+            last_end,
+        })));
+        return Ok(plant);
+    };
+    let link = task.link.clone().unwrap_or_default();
+    let journal = Journal::create(&path, &machine.description().joint_names, &link)?;
+    let machine = LoggedMachine::new(machine, Arc::clone(&journal));
+    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+    let mut plant = task.plant_on(Box::new(robot))?;
+    plant.log(Some(Box::new(Watcher {
+        journal: Some(journal),
+        last_end,
+    })));
+    Ok(plant)
+}
+
+/// Where a command that has no run of its own keeps log and answers of a robot behind a link: the run whose policy
+/// it applies, or a directory of the task's nominal gait.
+pub fn beside_run(task: &Task, run: Option<&Path>) -> Result<Option<PathBuf>, Failure> {
+    if task.link.is_none() {
+        return Ok(None);
+    }
+    let path = run.map_or_else(
+        || Path::new("runs").join(format!("{}-nominal", task.name)),
+        Path::to_path_buf,
+    );
+    files::create_dir(&path)?;
+    Ok(Some(path))
+}
+
+/// Names and limits of the joints that a task's joint map expects, in the robot's order and signs.
+fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
+    let ideal = MujocoConfig {
+        hardware: None,
+        ..task.robot.clone()
+    };
+    let model = SimulatedMachine::new(&ideal).map_err(stridemap_lab::LabError::from)?;
+    let own = model.description();
+    Ok((own.joint_names.clone(), own.limits.clone()))
+}
+
+/// Strides from a log, with no robot at all.
+pub fn strides_of_log(task: &Task, log: &Path) -> Result<Vec<Transition>, Failure> {
+    let link = task.link.clone().unwrap_or_default();
+    let episodes = read_log(log, &link)?;
+    let starts = episodes.len();
+    let (names, limits) = joints(task)?;
+    let machine = ReplayMachine::new(episodes, names, limits, task.robot.control_period_s);
+    let actions = machine.actions();
+    let estimator = estimator(&here(task).robot).map_err(stridemap_lab::LabError::from)?;
+    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+    let mut plant = task.plant_on(Box::new(robot))?;
+    let mut rng = stream(0, Role::Collect, 0);
+    let mut transitions = Vec::new();
+    for episode in 0..starts {
+        // The log is over, or this start never came to a section: there is nothing more to learn from it.
+        let Ok(mut state) = plant.reset(&mut rng) else {
+            continue;
+        };
+        let mut k = 0;
+        loop {
+            let action = actions.lock().ok().and_then(|mut queue| queue.pop_front());
+            let Some(action) = action else { break };
+            let (stance, last_action) = (plant.stance(), plant.last_action().clone());
+            let stride = plant
+                .stride(&action, &mut rng)
+                .map_err(stridemap_lab::LabError::from)?;
+            if stride.end == StrideEnd::Aborted {
+                break;
+            }
+            transitions.push(Transition {
+                iteration: 1,
+                phase: StridePhase::Collect,
+                role: StrideRole::Training,
+                episode,
+                k,
+                time_s: plant.robot().state().time_s,
+                stance,
+                state: state.clone(),
+                last_action,
+                action: stride.action,
+                next_state: stride.next_state.clone(),
+                reward: stride.reward,
+                end: stride.end,
+                measures: *plant.last_measures(),
+                true_psi_roll_deg: None,
+                true_forward_m: None,
+            });
+            if stride.end != StrideEnd::Crossing {
+                break;
+            }
+            state = stride.next_state;
+            k += 1;
+        }
+    }
+    Ok(transitions)
+}
+
+/// A run of a task on its robot; `run` is its directory, where the log goes.
+pub fn algorithm<'a>(
+    task: &'a Task,
+    seed: u64,
+    progress: Progress,
+    common: &Common,
+    doing: &Doing,
+    run: Option<&Path>,
+) -> Result<Algorithm<'a>, Failure> {
+    let plant = plant(task, common, doing, run)?;
+    Ok(Algorithm::on(task, seed, plant, progress))
+}
+
+/// A task as if its robot were simulated here: for work that needs a plant's shape, not its robot.
+pub fn here(task: &Task) -> Task {
+    Task {
+        link: None,
+        ..task.clone()
+    }
+}

@@ -1,0 +1,332 @@
+//! Learning on a robot that is another process: killed, stopped, asked for, gone on with.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+/// Overrides that make a run short: two iterations of eight strides.
+const SHORT: [&str; 7] = [
+    "--set=collect.strides=[8]",
+    "--set=algorithm.iterations=2",
+    "--set=learner.actor_critic.trials=10",
+    "--set=record.strides=3",
+    "--set=record.iteration_strides=2",
+    "--set=record.discard=1",
+    "--set=record.pose_seconds=0.5",
+];
+
+/// One robot at a time: several share too little of a small machine.
+fn turn() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A process that ends with the test.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start(dir: &Path, arguments: &[&str]) -> Process {
+    let child = Command::new(env!("CARGO_BIN_EXE_stridemap"))
+        .current_dir(dir)
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(dir.join(format!("{}.log", arguments[0]))).unwrap())
+        .spawn()
+        .unwrap();
+    Process(child)
+}
+
+/// A robot in lock step, which a busy machine cannot make late.
+fn robot(dir: &Path, domain: u16) -> Process {
+    let domain = domain.to_string();
+    start(
+        dir,
+        &[
+            "robot",
+            "op3",
+            "--domain",
+            &domain,
+            "--realtime-factor",
+            "0",
+        ],
+    )
+}
+
+fn learn(dir: &Path, domain: u16, more: &[&str]) -> Process {
+    let domain = format!("--set=link.domain={domain}");
+    let head = ["learn", "small-stepping", "--robot", "ros2", "--out", "run"];
+    start(dir, &[&head[..], &SHORT, &[domain.as_str()], more].concat())
+}
+
+fn wait(what: &str, mut done: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !done() {
+        assert!(Instant::now() < deadline, "{what} did not come");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn end(process: &mut Process) -> bool {
+    let mut status = None;
+    wait("the end", || {
+        status = process.0.try_wait().unwrap();
+        status.is_some()
+    });
+    status.unwrap().success()
+}
+
+fn signal(process: &Process, signal: Signal) {
+    kill(Pid::from_raw(process.0.id().try_into().unwrap()), signal).unwrap();
+}
+
+fn read(path: PathBuf) -> String {
+    std::fs::read_to_string(path).unwrap_or_default()
+}
+
+/// Whole rows of the run's strides.
+fn rows(dir: &Path) -> Vec<String> {
+    let text = read(dir.join("run/transitions.csv"));
+    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+    whole.lines().skip(1).map(ToOwned::to_owned).collect()
+}
+
+fn crossings(dir: &Path) -> usize {
+    rows(dir)
+        .iter()
+        .filter(|r| r.contains(",crossing,"))
+        .count()
+}
+
+/// What was asked and answered, in the run's events.
+fn answers(dir: &Path) -> Vec<(String, String)> {
+    let text = read(dir.join("run/events.ndjson"));
+    let events = text
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    events
+        .filter(|e| e["event"] == "asked")
+        .map(|e| {
+            let word = |key: &str| e[key].as_str().unwrap().to_owned();
+            (word("asked"), word("answered"))
+        })
+        .collect()
+}
+
+fn say(stdin: &mut ChildStdin, line: &str) {
+    writeln!(stdin, "{line}").unwrap();
+    stdin.flush().unwrap();
+}
+
+fn stop(dir: &Path, domain: u16, more: &[&str]) {
+    let domain = domain.to_string();
+    let words = [&["stop", "--domain", &domain][..], more].concat();
+    assert!(end(&mut start(dir, &words)));
+}
+
+#[test]
+fn a_controller_that_is_killed_goes_on_without_losing_a_stride() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let _robot = robot(dir, 20);
+    let mut controller = learn(dir, 20, &["--yes"]);
+    // In the middle of the second batch.
+    wait("the second batch", || rows(dir).len() >= 11);
+    controller.0.kill().unwrap();
+    controller.0.wait().unwrap();
+    let before = rows(dir);
+    assert!(before.len() < 16, "killed too late: {}", before.len());
+    let mut again = start(dir, &["learn", "--resume", "run", "--yes"]);
+    assert!(end(&mut again), "{}", read(dir.join("learn.log")));
+    let after = rows(dir);
+    assert_eq!(
+        after[..before.len()],
+        before[..],
+        "strides from before are the first"
+    );
+    assert_eq!(crossings(dir), 16);
+    assert!(dir.join("run/summary.json").exists() && dir.join("run/log-2.mcap").exists());
+    let first = (
+        "before the first stride".to_owned(),
+        "yes (--yes)".to_owned(),
+    );
+    assert_eq!(answers(dir), [first.clone(), first], "asked at both starts");
+    let events = read(dir.join("run/events.ndjson"));
+    let kept = format!("\"of_an_unfinished_batch\":{}", before.len() - 8);
+    assert!(events.contains(&kept), "{events}");
+}
+
+#[test]
+fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let _robot = robot(dir, 21);
+    let log = || read(dir.join("learn.log"));
+    // A no: nothing moves, and the answer is kept.
+    let mut refused = learn(dir, 21, &[]);
+    let mut stdin = refused.0.stdin.take().unwrap();
+    say(&mut stdin, "n");
+    assert!(!end(&mut refused));
+    for word in [
+        "strides to learn from",
+        "joints turn at up to",
+        "falls are expected",
+        "[y/N]",
+        "the operator said no",
+    ] {
+        assert!(log().contains(word), "{word:?} in {}", log());
+    }
+    assert_eq!(rows(dir).len(), 0);
+
+    // The same run with a yes, and the stop pressed in the first batch.
+    let mut controller = start(dir, &["learn", "--resume", "run"]);
+    let mut stdin = controller.0.stdin.take().unwrap();
+    say(&mut stdin, "y");
+    wait("strides", || crossings(dir) >= 3);
+    stop(dir, 21, &["--reason", "a test"]);
+    wait("a question", || log().matches("[y/N]").count() == 2);
+    let made = crossings(dir);
+    assert!(rows(dir).last().unwrap().contains(",aborted,"));
+    // Still latched: a yes is not enough, and is asked again.
+    say(&mut stdin, "y");
+    wait("another question", || log().matches("[y/N]").count() == 3);
+    assert_eq!(
+        crossings(dir),
+        made,
+        "the robot stands while it is asked for"
+    );
+    stop(dir, 21, &["--rearm"]);
+    say(&mut stdin, "y");
+    assert!(end(&mut controller), "{}", log());
+    assert_eq!(crossings(dir), 16, "the aborted stride is none of them");
+    let asked = answers(dir);
+    let answered: Vec<&str> = asked.iter().map(|(_, a)| a.as_str()).collect();
+    assert_eq!(answered, ["no", "yes", "yes", "yes"], "{asked:?}");
+    assert!(asked[2].0.contains("a test"), "{asked:?}");
+}
+
+#[test]
+fn after_a_fall_the_robot_waits_until_it_is_set_up() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let _robot = robot(dir, 22);
+    // What counts as a fall: psi_roll under 3.5 deg, where the nominal gait stands above 5.
+    let mut controller = learn(dir, 22, &["--set=failure.psi_roll_below_deg=3.5"]);
+    let mut stdin = controller.0.stdin.take().unwrap();
+    say(&mut stdin, "y");
+    wait("a fall", || {
+        answers(dir).len() == 1 && rows(dir).iter().any(|r| r.contains(",fell,"))
+    });
+    let log = || read(dir.join("learn.log"));
+    wait("a question", || log().contains("the robot fell"));
+    say(&mut stdin, "n");
+    assert!(!end(&mut controller));
+    assert_eq!(
+        answers(dir)[1],
+        ("the robot fell".to_owned(), "no".to_owned())
+    );
+}
+
+#[test]
+fn ctrl_c_is_an_emergency_stop_that_stays() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let _robot = robot(dir, 23);
+    let mut controller = learn(dir, 23, &["--yes"]);
+    wait("strides", || crossings(dir) >= 2);
+    signal(&controller, Signal::SIGINT);
+    assert!(!end(&mut controller));
+    let log = read(dir.join("learn.log"));
+    assert!(log.contains("emergency stop"), "{log}");
+    let before = rows(dir);
+    let mut again = start(dir, &["learn", "--resume", "run", "--yes"]);
+    assert!(!end(&mut again), "latched");
+    assert!(read(dir.join("learn.log")).contains("re-arm"));
+    stop(dir, 23, &["--rearm"]);
+    let mut again = start(dir, &["learn", "--resume", "run", "--yes"]);
+    assert!(end(&mut again), "{}", read(dir.join("learn.log")));
+    let after = rows(dir);
+    assert_eq!(after[..before.len()], before[..]);
+    assert_eq!(crossings(dir), 16);
+}
+
+#[test]
+fn every_fault_of_a_process_is_met() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_stridemap"))
+        .current_dir(dir.path())
+        .args(["faults", "--only", "processes", "--domain", "1", "--json"])
+        .output()
+        .unwrap();
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    let rows: serde_json::Value = serde_json::from_str(&table).unwrap();
+    assert_eq!(rows.as_array().unwrap().len(), 3);
+    assert!(output.status.success(), "{table}");
+}
+
+#[test]
+fn a_log_gives_the_strides_again_without_a_robot() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let _robot = robot(dir, 24);
+    let domain = "--set=link.domain=24";
+    let head = [
+        "collect",
+        "small-stepping",
+        "--robot",
+        "ros2",
+        "--yes",
+        "--out",
+        "run",
+    ];
+    let words = [&head[..], &["--set=collect.strides=[8]", domain]].concat();
+    assert!(
+        end(&mut start(dir, &words)),
+        "{}",
+        read(dir.join("collect.log"))
+    );
+    let from = [
+        "collect",
+        "small-stepping",
+        "--from",
+        "run/log.mcap",
+        "--out",
+        "again.csv",
+    ];
+    assert!(
+        end(&mut start(dir, &from)),
+        "{}",
+        read(dir.join("collect.log"))
+    );
+    let again = read(dir.join("again.csv"));
+    let again: Vec<&str> = again.lines().skip(1).collect();
+    let before = rows(dir);
+    assert_eq!(again.len(), before.len());
+    for (old, new) in before.iter().zip(again) {
+        for (a, b) in old.split(',').zip(new.split(',')) {
+            match (a.parse::<f64>(), b.parse::<f64>()) {
+                // Stamps are whole nanoseconds: velocities differ in the last digits.
+                (Ok(a), Ok(b)) => assert!((a - b).abs() <= 1e-5 * (1.0 + a.abs()), "{a} {b}"),
+                _ => assert_eq!(a, b),
+            }
+        }
+    }
+}
