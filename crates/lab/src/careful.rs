@@ -8,14 +8,14 @@ use stridemap_learn::{
     ActorCritic, ConstantPolicy, Learner, SavedPolicy, SearchConfig, SearchLearner, TrialSummary,
 };
 use stridemap_returnmap::{
-    LearnedMap, MapFailure, ProcessSpec, StateReward, StrideEnd, StrideProcess,
+    ActionLimits, LearnedMap, MapFailure, ProcessSpec, StateReward, StrideEnd, StrideProcess,
 };
 
 use crate::algorithm::{Algorithm, Recorder};
 use crate::caution::CautionConfig;
 use crate::controls;
 use crate::error::LabError;
-use crate::feedback::with_feedback;
+use crate::feedback::{FedBack, JacobianFeedbackConfig, with_feedback};
 use crate::guard::GuardWarning;
 use crate::guarded::GuardedExplorer;
 use crate::integral::{self, IntegralAction};
@@ -82,6 +82,30 @@ fn cautious_world(
         psi_roll: psi_roll.map(|c| (c, bound)),
         pitch_rate: position(StateComponent::PsiPitchRateDegS),
     })
+}
+
+/// The components of the action that a task feeds back.
+fn fed_back(
+    task: &Task,
+    unit: &[f64],
+    limits: &[ActionLimits],
+    feedback: &JacobianFeedbackConfig,
+) -> Vec<FedBack> {
+    let of_state = |c: &StateComponent| task.state.iter().position(|s| s == c);
+    let lines = feedback.modulates.iter().zip(&feedback.sees);
+    lines
+        .zip(&feedback.limit)
+        .filter_map(|((name, sees), limit)| {
+            let component = task.action.iter().position(|a| a.modulates == *name)?;
+            Some(FedBack {
+                component,
+                unit: unit[component],
+                law_gain: limits[component].gain,
+                limit: *limit,
+                sees: sees.iter().filter_map(of_state).collect(),
+            })
+        })
+        .collect()
 }
 
 impl Algorithm<'_> {
@@ -263,20 +287,9 @@ impl Algorithm<'_> {
                 else {
                     return Ok(outcome.policy);
                 };
-                let components: Vec<(usize, f64)> = feedback
-                    .modulates
-                    .iter()
-                    .filter_map(|name| task.action.iter().position(|a| a.modulates == *name))
-                    .map(|c| (c, caution.trust.unit[c]))
-                    .collect();
-                let index = |c: &StateComponent| task.state.iter().position(|s| s == c);
-                let sees: Vec<Vec<usize>> = feedback
-                    .sees
-                    .iter()
-                    .map(|seen| seen.iter().filter_map(index).collect())
-                    .collect();
-                let (constants, of) = (found.action(), &components);
-                with_feedback(map, &spec, &limits, constants, of, &sees, feedback, rng)
+                let fed: Vec<FedBack> = fed_back(task, &caution.trust.unit, &limits, feedback);
+                let cost = feedback.action_cost;
+                with_feedback(map, &spec, found.action(), &fed, cost, rng)
             }
         }
     }

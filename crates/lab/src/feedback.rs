@@ -28,7 +28,7 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{CmaEs, LinearPolicy, SavedPolicy};
-use stridemap_returnmap::{ActionLimits, LearnedMap, MapPoint, MapSample, ProcessSpec, State};
+use stridemap_returnmap::{LearnedMap, MapPoint, MapSample, ProcessSpec, State};
 
 use crate::error::LabError;
 use crate::reward::StateComponent;
@@ -46,6 +46,21 @@ pub struct JacobianFeedbackConfig {
     pub action_cost: f64,
     /// Largest correction of each, in its unit.
     pub limit: Vec<f64>,
+}
+
+/// A component of the action that is fed back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FedBack {
+    /// Which component of the action.
+    pub component: usize,
+    /// What counts as one unit of it.
+    pub unit: f64,
+    /// γ: its gain in the action law.
+    pub law_gain: f64,
+    /// Largest correction, in its unit.
+    pub limit: f64,
+    /// The components of the state that it may depend on.
+    pub sees: Vec<usize>,
 }
 
 /// A linear model of a map about its steady state, for n components of the state and m of the action.
@@ -252,9 +267,8 @@ impl StrideModel {
 /// # Arguments
 ///
 /// - `spec` – the process's components and bounds; the policy clips to them.
-/// - `components` – the components of the action that are fed back, each with what counts as one unit
-///   of it, in the order of `config.modulates`.
-/// - `sees` – for each the components of the state that it may depend on.
+/// - `fed` – the components of the action that are fed back.
+/// - `action_cost` – R.
 ///
 /// # Errors
 ///
@@ -263,24 +277,23 @@ impl StrideModel {
 pub fn with_feedback(
     map: &LearnedMap,
     spec: &ProcessSpec,
-    limits: &[ActionLimits],
     constants: &[f64],
-    components: &[(usize, f64)],
-    sees: &[Vec<usize>],
-    config: &JacobianFeedbackConfig,
+    fed: &[FedBack],
+    action_cost: f64,
     rng: &mut ChaCha8Rng,
 ) -> Result<SavedPolicy, LabError> {
     const GENERATIONS: usize = 120;
-    let model = stride_model(map, constants, components)?;
-    let (n, m) = (model.state.len(), components.len());
-    let law_gain: Vec<f64> = components.iter().map(|(c, _)| limits[*c].gain).collect();
-    let action_cost: Vec<f64> = components
+    let components: Vec<(usize, f64)> = fed.iter().map(|f| (f.component, f.unit)).collect();
+    let model = stride_model(map, constants, &components)?;
+    let (n, m) = (model.state.len(), fed.len());
+    let law_gain: Vec<f64> = fed.iter().map(|f| f.law_gain).collect();
+    let action_cost: Vec<f64> = fed
         .iter()
-        .map(|(_, unit)| config.action_cost / (unit * unit))
+        .map(|f| action_cost / (f.unit * f.unit))
         .collect();
     // The entries of K that are free; the others are zero.
     let free: Vec<(usize, usize)> = (0..m)
-        .flat_map(|j| sees[j].iter().map(move |i| (j, *i)))
+        .flat_map(|j| fed[j].sees.iter().map(move |i| (j, *i)))
         .collect();
     let gain_of = |numbers: &[f64]| {
         let mut k = DMatrix::zeros(m, n);
@@ -293,7 +306,7 @@ pub fn with_feedback(
     // One unit of action for a state as far off as the data are wide would be a strong feedback.
     let std: Vec<f64> = free
         .iter()
-        .map(|(j, i)| 0.3 * components[*j].1 / model.spread[*i])
+        .map(|(j, i)| 0.3 * fed[*j].unit / model.spread[*i])
         .collect();
     let none = vec![0.0; free.len()];
     let mut search = CmaEs::new(&none, &std, None)?;
@@ -309,11 +322,11 @@ pub fn with_feedback(
         search.tell(&points, &costs.iter().map(|c| -c).collect::<Vec<_>>())?;
     }
     let best = gain_of(&best);
-    let mut gain = vec![vec![0.0; n]; limits.len()];
-    let mut limit = vec![0.0; limits.len()];
-    for (j, (c, _)) in components.iter().enumerate() {
-        gain[*c] = best.row(j).iter().copied().collect();
-        limit[*c] = config.limit[j];
+    let mut gain = vec![vec![0.0; n]; spec.action.len()];
+    let mut limit = vec![0.0; spec.action.len()];
+    for (j, f) in fed.iter().enumerate() {
+        gain[f.component] = best.row(j).iter().copied().collect();
+        limit[f.component] = f.limit;
     }
     let policy =
         LinearPolicy::new(spec.clone(), constants, &gain, &model.state)?.limited(&limit)?;

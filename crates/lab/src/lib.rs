@@ -62,7 +62,7 @@ pub use compare::{
 };
 pub use controls::ControlsConfig;
 pub use error::{Invalid, LabError};
-pub use feedback::{JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
+pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
 pub use guarded::GuardedExplorer;
 pub use integral::{IntegralAction, IntegralConfig};

@@ -528,6 +528,19 @@ impl Task {
                             format!("{name:?} is not a component of the action"),
                         );
                     }
+                    let sees = feedback.sees.iter().flatten();
+                    if let Some(c) = sees.into_iter().find(|c| !self.state.contains(c)) {
+                        return invalid(
+                            "learner.search.feedback.sees",
+                            format!("{:?} is not a component of the state", c.name()),
+                        );
+                    }
+                    if feedback.sees.len() != feedback.modulates.len() {
+                        return invalid(
+                            "learner.search.feedback.sees",
+                            "needs a list for each modulation that is fed back".into(),
+                        );
+                    }
                     if feedback.limit.len() != feedback.modulates.len()
                         || feedback.limit.iter().any(|l| !(l.is_finite() && *l > 0.0))
                     {
