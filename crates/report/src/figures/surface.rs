@@ -386,6 +386,7 @@ mod tests {
         let stride = |x: f64, u: f64, next: f64| crate::run::StrideRow {
             what: String::new(),
             iteration: 1,
+            phase: "collect".into(),
             role: "training".into(),
             episode: 0,
             k: 0,
