@@ -22,17 +22,18 @@ const KICK_DEG: f64 = 1.0;
 /// Strides of the ramp from the nominal gait to a constant action.
 const RAMP_STRIDES: f64 = 20.0;
 
-/// How well the map predicts the pitch rate at the next section of strides it has not seen.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// How well a map that sees this predicts the pitch rate at the next section of strides it has not
+/// seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
-    /// Root mean square with u(k−1) among the inputs.
-    pub with_last_action: f64,
-    /// Root mean square without.
-    pub without_last_action: f64,
-    /// Median magnitude with u(k−1), as a standard deviation.
-    pub robust_with: f64,
-    /// The same without.
-    pub robust_without: f64,
+    /// Components of the state among the inputs, by name.
+    pub state: Vec<String>,
+    /// Whether u(k−1) is among them.
+    pub last_action: bool,
+    /// Root mean square of the residuals.
+    pub residual_deg_s: f64,
+    /// Their median magnitude, as a standard deviation: a few strides on the way to a fall do not count.
+    pub robust_residual_deg_s: f64,
     /// Strides predicted.
     pub strides: usize,
 }
@@ -52,8 +53,9 @@ pub struct Flip {
 /// What `analyse` found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Analysis {
-    /// Predictions of held-out strides.
-    pub pitch_rate_residual_deg_s: HeldOut,
+    /// Predictions of held-out strides: with the paper's state and with the task's, each without and with
+    /// the last action.
+    pub pitch_rate_residual_deg_s: Vec<HeldOut>,
     /// Flips at three actions inside the data.
     pub flips: Vec<Flip>,
 }
@@ -106,33 +108,74 @@ fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-/// Held-out residual of the pitch rate with and without the last action among the map's inputs.
+/// The task and its strides as they would be with these components of the state alone.
+fn seeing(task: &Task, strides: &[&Transition], kept: &[usize]) -> (Task, Vec<Transition>) {
+    fn pick<T: Clone>(values: &[T], kept: &[usize]) -> Vec<T> {
+        kept.iter().map(|i| values[*i].clone()).collect()
+    }
+    let mut task = task.clone();
+    task.state = pick(&task.state, kept);
+    task.map.state_range = pick(&task.map.state_range, kept);
+    task.map.start_range = pick(&task.map.start_range, kept);
+    task.map.min_noise_std = task.map.min_noise_std.map(|stds| pick(&stds, kept));
+    task.map.min_length_scales = None;
+    let strides = strides.iter().map(|t| Transition {
+        state: kept.iter().map(|i| t.state[*i]).collect(),
+        next_state: kept.iter().map(|i| t.next_state[*i]).collect(),
+        ..(*t).clone()
+    });
+    (task, strides.collect())
+}
+
+/// Held-out residuals of the pitch rate: with the paper's state and with the task's own where that is
+/// more, each without and with the last action among the map's inputs.
 ///
 /// # Errors
 ///
 /// [`LabError::TooFewStrides`], or of the map.
-pub fn held_out(task: &Task, transitions: &[Transition], seed: u64) -> Result<HeldOut, LabError> {
-    let component = pitch_rate(task)?;
+pub fn held_out(
+    task: &Task,
+    transitions: &[Transition],
+    seed: u64,
+) -> Result<Vec<HeldOut>, LabError> {
+    const PAPER: [StateComponent; 3] = [
+        StateComponent::PsiRollDeg,
+        StateComponent::PsiPitchDeg,
+        StateComponent::PsiPitchRateDegS,
+    ];
+    pitch_rate(task)?;
+    let all: Vec<usize> = (0..task.state.len()).collect();
+    let of_paper: Vec<usize> = all
+        .iter()
+        .copied()
+        .filter(|i| PAPER.contains(&task.state[*i]))
+        .collect();
+    let mut views = vec![of_paper];
+    if views[0] != all {
+        views.push(all);
+    }
     let strides = usable(transitions);
-    let with = |inputs: Vec<MapInput>| {
-        let mut task = task.clone();
-        task.map.inputs = inputs;
-        task.map.min_length_scales = None;
-        residuals(&task, &strides, component, seed)
-    };
-    let seeing = with(vec![
-        MapInput::State,
-        MapInput::Action,
-        MapInput::LastAction,
-    ])?;
-    let blind = with(vec![MapInput::State, MapInput::Action])?;
-    Ok(HeldOut {
-        with_last_action: root_mean_square(&seeing),
-        without_last_action: root_mean_square(&blind),
-        robust_with: crate::algorithm::robust_std(&seeing),
-        robust_without: crate::algorithm::robust_std(&blind),
-        strides: seeing.len(),
-    })
+    let mut rows = Vec::new();
+    for kept in &views {
+        let (mut task, strides) = seeing(task, &strides, kept);
+        let strides: Vec<&Transition> = strides.iter().collect();
+        let component = pitch_rate(&task)?;
+        for last_action in [false, true] {
+            task.map.inputs = vec![MapInput::State, MapInput::Action];
+            if last_action {
+                task.map.inputs.push(MapInput::LastAction);
+            }
+            let found = residuals(&task, &strides, component, seed)?;
+            rows.push(HeldOut {
+                state: task.state.iter().map(|c| c.name().into()).collect(),
+                last_action,
+                residual_deg_s: root_mean_square(&found),
+                robust_residual_deg_s: crate::algorithm::robust_std(&found),
+                strides: found.len(),
+            });
+        }
+    }
+    Ok(rows)
 }
 
 /// The multiplier most negative in real part of the map's state under a constant action: there the

@@ -260,12 +260,19 @@ pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     if common.json {
         return output::json(&found);
     }
-    let r = &found.pitch_rate_residual_deg_s;
-    output::line(format!(
-        "pitch rate at the next section, {} strides held out: residual {:.3} deg/s with u(k-1), {:.3} \
-         without (by the median: {:.3}, {:.3})",
-        r.strides, r.with_last_action, r.without_last_action, r.robust_with, r.robust_without
-    ));
+    output::line(
+        "pitch rate at the next section, held-out strides: residual in deg/s (by the median)",
+    );
+    for r in &found.pitch_rate_residual_deg_s {
+        output::line(format!(
+            "  {:.3} ({:.3})  {} strides, the map sees {}, u(k){}",
+            r.residual_deg_s,
+            r.robust_residual_deg_s,
+            r.strides,
+            r.state.join(", "),
+            if r.last_action { ", u(k-1)" } else { "" }
+        ));
+    }
     for flip in &found.flips {
         let action: Vec<String> = flip.action.iter().map(|u| format!("{u:.2}")).collect();
         output::line(format!(
