@@ -206,3 +206,48 @@ impl StrideMeter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stridemap_robot::Side;
+
+    fn heading(deg: f64, yaw_rate_rad_s: f64) -> RobotState {
+        let mut state = RobotState::default();
+        let half = 0.5 * deg.to_radians();
+        state.base.orientation = [half.cos(), 0.0, 0.0, half.sin()];
+        state.base.angular_velocity_rad_s[2] = yaw_rate_rad_s;
+        state
+    }
+
+    fn standing_on(stance: Side) -> Pendulum {
+        Pendulum {
+            roll_rad: 0.0,
+            roll_rate_rad_s: 0.0,
+            pitch_rad: 0.0,
+            pitch_rate_rad_s: 0.0,
+            stance,
+        }
+    }
+
+    /// Four left turns of 100 deg, the feet alternating: the heading goes on to 400 deg, + on the left
+    /// foot and − on the right; the yaw rate is mirrored alike. A new episode begins at zero.
+    #[test]
+    fn the_heading_goes_on_over_whole_turns_and_is_mirrored() {
+        let mut meter = StrideMeter::new(JointTargets::default(), 1.0);
+        meter.begin_episode(&heading(30.0, 0.0));
+        for k in 1..=4 {
+            let stance = if k % 2 == 0 { Side::Left } else { Side::Right };
+            let now = heading(30.0 + 100.0 * f64::from(k), 0.1);
+            let m = meter.measures(&now, Some(&standing_on(stance)));
+            let sign = stance.lateral_sign();
+            assert!((m.heading_deg - sign * 100.0 * f64::from(k)).abs() < 1e-9);
+            assert!((m.turn_deg - 100.0).abs() < 1e-9);
+            assert!((m.yaw_rate_deg_s - sign * 0.1_f64.to_degrees()).abs() < 1e-12);
+            meter.begin_stride(&now);
+        }
+        meter.begin_episode(&heading(70.0, 0.0));
+        let m = meter.measures(&heading(75.0, 0.0), Some(&standing_on(Side::Left)));
+        assert!((m.heading_deg - 5.0).abs() < 1e-9);
+    }
+}

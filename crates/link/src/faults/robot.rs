@@ -30,6 +30,7 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
     let raw = rig.raw()?;
     walk(&mut controller, 50)?;
     let start_s = controller.frame().time_s;
+    let began = Instant::now();
     let mut after = Ok(());
     let mut farthest: f64 = 0.0;
     for _ in 0..200 {
@@ -46,6 +47,10 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
         }
     }
     let took_s = controller.frame().time_s - start_s;
+    // The controller may hear of the second before the robot has said what it did with its commands.
+    rig.ear.wait(began, Duration::from_secs(2), |s| {
+        s.refusals.second_writer > 0
+    });
     let refused = rig.last().refusals.second_writer;
     // The second goes on until it has the robot; a new start is then refused.
     let stop = AtomicBool::new(false);

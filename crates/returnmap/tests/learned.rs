@@ -1,0 +1,131 @@
+//! Maps learned of strides whose law is known.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use smallvec::smallvec;
+use stridemap_gp::{Kernel, Mean};
+use stridemap_returnmap::{
+    ActionDimension, ActionLimits, LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapPoint,
+    MapSample, MapStart, MapWorld, ProcessSpec, StateDimension, StrideEnd, StrideProcess,
+};
+
+/// Slopes of the first component on itself and on the action, and of the turn likewise.
+const F: f64 = -0.5;
+const G: f64 = 0.4;
+const TURN_OF_STATE: f64 = 2.0;
+const TURN_OF_ACTION: f64 = 3.0;
+
+fn turn(x: f64, u: f64) -> f64 {
+    TURN_OF_STATE * x + TURN_OF_ACTION * u
+}
+
+/// A robot with one inner component and a heading, mirrored from stride to stride:
+/// `x' = F x + G u`, `h' = −(h + turn(x, u))`. Headings in the data lie within 5 deg of `heading`.
+fn map(heading: f64) -> LearnedMap {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let samples: Vec<MapSample> = (0..60)
+        .map(|_| {
+            let mut draw = || 2.0 * rng.random::<f64>() - 1.0;
+            let (x, u, h) = (draw(), draw(), heading + 5.0 * draw());
+            MapSample {
+                state: smallvec![x, h],
+                last_action: smallvec![0.0],
+                action: smallvec![u],
+                next_state: smallvec![F * x + G * u, -(h + turn(x, u))],
+                reward: 0.0,
+            }
+        })
+        .collect();
+    let config = MapConfig {
+        inputs: vec![MapInput::State, MapInput::Action],
+        invariant: vec![1],
+        remembered: None,
+        kernel: Kernel::SquaredExponential,
+        mean: Mean::Linear,
+        starts: 1,
+        min_length_scales: None,
+        min_noise_std: None,
+        draw: MapDraw::Mean,
+        state_range: vec![[-10.0, 10.0], [-1e4, 1e4]],
+        start: MapStart::Data,
+        start_range: vec![[-1.0, 1.0], [-5.0, 5.0]],
+    };
+    let world = MapWorld {
+        spec: ProcessSpec {
+            state: ["x", "heading_deg"]
+                .map(|name| StateDimension { name: name.into() })
+                .into(),
+            action: vec![ActionDimension {
+                name: "u".into(),
+                lower: -2.0,
+                upper: 2.0,
+            }],
+        },
+        limits: vec![ActionLimits {
+            lower: -2.0,
+            upper: 2.0,
+            rate_per_stride: f64::INFINITY,
+            gain: 1.0,
+            neutral: 0.0,
+        }],
+        failure: MapFailure {
+            component: None,
+            below: 0.0,
+            reward: -1.0,
+        },
+        reward: Some(std::sync::Arc::new(|_: &[f64]| 0.0)),
+    };
+    LearnedMap::fit(config, world, &samples, &mut rng).unwrap()
+}
+
+/// No direction on the floor is special: what was learned walking north holds walking south, exactly
+/// shifted and mirrored, however far from the data's headings.
+#[test]
+fn a_heading_is_carried_not_learned() {
+    let map = map(0.0);
+    for h in [0.0, 170.0, -3000.0] {
+        let (means, variances) = map.predict(&[0.3, h], &[-0.2], &[0.0]).unwrap();
+        assert!((means[0] - (F * 0.3 - G * 0.2)).abs() < 1e-3, "{means:?}");
+        assert!((means[1] + h + turn(0.3, -0.2)).abs() < 1e-3, "{means:?}");
+        assert!(variances[1] < 1e-4, "{variances:?}");
+    }
+}
+
+/// The stride process goes where the prediction says.
+#[test]
+fn strides_carry_the_heading() {
+    let mut map = map(90.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let from = map.reset(&mut rng).unwrap();
+    let stride = map.stride(&[0.5], &mut rng).unwrap();
+    assert_eq!(stride.end, StrideEnd::Crossing);
+    assert!((stride.next_state[1] + from[1] + turn(from[0], 0.5)).abs() < 1e-3);
+}
+
+/// Slopes of a linear law are its coefficients, with −1 of a heading on itself; the map is sure of them
+/// where it has data, and not sure of the slopes of a map that has seen the action do nothing.
+#[test]
+fn slopes_are_those_of_the_law_and_come_with_their_doubt() {
+    let at = |x: f64, h: f64, u: f64| MapPoint {
+        state: smallvec![x, h],
+        action: vec![u],
+        last_action: vec![0.0],
+    };
+    let half = 0.1;
+    let moves = [
+        (at(half, 0.0, 0.0), at(-half, 0.0, 0.0), half),
+        (at(0.0, half, 0.0), at(0.0, -half, 0.0), half),
+        (at(0.0, 0.0, half), at(0.0, 0.0, -half), half),
+    ];
+    let (slopes, doubt) = map(0.0).slopes(&moves).unwrap();
+    let expected = [[F, 0.0, G], [-TURN_OF_STATE, -1.0, -TURN_OF_ACTION]];
+    for (i, row) in expected.iter().enumerate() {
+        for (j, slope) in row.iter().enumerate() {
+            assert!((slopes[(i, j)] - slope).abs() < 1e-2, "{slopes}");
+            assert!(doubt[i][(j, j)] < 1e-3, "{}", doubt[i]);
+        }
+        // Nothing depends on a heading, and the map knows it: there is nothing to doubt.
+        assert!(doubt[i][(1, 1)].abs() < 1e-12);
+    }
+}
