@@ -7,7 +7,8 @@ use smallvec::smallvec;
 use stridemap_gp::{Kernel, Mean};
 use stridemap_returnmap::{
     ActionDimension, ActionLimits, LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapPoint,
-    MapSample, MapStart, MapWorld, ProcessSpec, StateDimension, StrideEnd, StrideProcess,
+    MapSample, MapStart, MapWorld, ProcessError, ProcessSpec, StateDimension, StrideEnd,
+    StrideProcess,
 };
 
 /// Slopes of the first component on itself and on the action, and of the turn likewise.
@@ -22,7 +23,7 @@ fn turn(x: f64, u: f64) -> f64 {
 
 /// A robot with one inner component and a heading, mirrored from stride to stride:
 /// `x' = F x + G u`, `h' = −(h + turn(x, u))`. Headings in the data lie within 5 deg of `heading`.
-fn map(heading: f64) -> LearnedMap {
+fn map(heading: f64) -> Result<LearnedMap, ProcessError> {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let samples: Vec<MapSample> = (0..60)
         .map(|_| {
@@ -76,14 +77,14 @@ fn map(heading: f64) -> LearnedMap {
         },
         reward: Some(std::sync::Arc::new(|_: &[f64]| 0.0)),
     };
-    LearnedMap::fit(config, world, &samples, &mut rng).unwrap()
+    LearnedMap::fit(config, world, &samples, &mut rng)
 }
 
 /// No direction on the floor is special: what was learned walking north holds walking south, exactly
 /// shifted and mirrored, however far from the data's headings.
 #[test]
 fn a_heading_is_carried_not_learned() {
-    let map = map(0.0);
+    let map = map(0.0).unwrap();
     for h in [0.0, 170.0, -3000.0] {
         let (means, variances) = map.predict(&[0.3, h], &[-0.2], &[0.0]).unwrap();
         assert!((means[0] - (F * 0.3 - G * 0.2)).abs() < 1e-3, "{means:?}");
@@ -95,7 +96,7 @@ fn a_heading_is_carried_not_learned() {
 /// The stride process goes where the prediction says.
 #[test]
 fn strides_carry_the_heading() {
-    let mut map = map(90.0);
+    let mut map = map(90.0).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let from = map.reset(&mut rng).unwrap();
     let stride = map.stride(&[0.5], &mut rng).unwrap();
@@ -118,7 +119,7 @@ fn slopes_are_those_of_the_law_and_come_with_their_doubt() {
         (at(0.0, half, 0.0), at(0.0, -half, 0.0), half),
         (at(0.0, 0.0, half), at(0.0, 0.0, -half), half),
     ];
-    let (slopes, doubt) = map(0.0).slopes(&moves).unwrap();
+    let (slopes, doubt) = map(0.0).unwrap().slopes(&moves).unwrap();
     let expected = [[F, 0.0, G], [-TURN_OF_STATE, -1.0, -TURN_OF_ACTION]];
     for (i, row) in expected.iter().enumerate() {
         for (j, slope) in row.iter().enumerate() {
