@@ -1,26 +1,22 @@
 //! What a walking run's data and map say: what the last action is worth to the map, and the flip of
 //! the map beside the robot's own.
 
-use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
-use stridemap_learn::ConstantPolicy;
-use stridemap_returnmap::{LearnedMap, MapInput, StrideEnd};
+use stridemap_returnmap::{MapDraw, MapInput, StrideEnd};
 
 use crate::algorithm::fit_map;
 use crate::error::{Invalid, LabError};
-use crate::feedback::stride_model;
+use crate::flip::{Kick, decay_after_kick};
+use crate::proof::Proof;
 use crate::reward::StateComponent;
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, Transition, make_strides};
+use crate::strides::{StrideRole, Transition};
 use crate::task::Task;
 
 /// Every which stride is held out.
 const FOLDS: usize = 5;
 /// The kick of the free decay, on the action that kicks, deg.
 const KICK_DEG: f64 = 1.0;
-
-/// Strides of the ramp from the nominal gait to a constant action.
-const RAMP_STRIDES: f64 = 20.0;
 
 /// How well a map that sees this predicts the pitch rate at the next section of strides it has not
 /// seen.
@@ -43,10 +39,9 @@ pub struct HeldOut {
 pub struct Flip {
     /// The action.
     pub action: Vec<f64>,
-    /// Multiplier of the map most negative in real part, at its steady state under this action.
-    pub map: f64,
-    /// The robot's own: the factor from stride to stride by which kicks of ±1 deg decay; null where
-    /// it fell.
+    /// The factor from stride to stride by which kicks of ±1 deg decay in the map; null where it fell.
+    pub map: Option<f64>,
+    /// The same on the robot.
     pub robot: Option<f64>,
 }
 
@@ -178,115 +173,45 @@ pub fn held_out(
     Ok(rows)
 }
 
-/// The multiplier most negative in real part of the map's state under a constant action: there the
-/// last action is the action, so that it is that of F alone.
-fn flip_of_map(map: &LearnedMap, action: &[f64]) -> Result<f64, LabError> {
-    let model = stride_model(map, action, &[])?;
-    // Components on which nothing depends have multipliers of −1 of their own.
-    let invariant = &map.config().invariant;
-    let eigenvalues = model
-        .of_state
-        .remove_rows_at(invariant)
-        .remove_columns_at(invariant)
-        .complex_eigenvalues();
-    Ok(eigenvalues
-        .iter()
-        .map(|e| e.re)
-        .fold(f64::INFINITY, f64::min))
-}
-
-/// The factor from stride to stride by which the robot's state decays after kicks of the first
-/// component of the action by ±1 deg, at a constant action: least squares over the strides after the
-/// kick, on the difference between the kicked run and its twin without a kick.
-fn flip_of_robot(task: &Task, action: &[f64], component: usize) -> Result<Option<f64>, LabError> {
-    const SETTLE: usize = 50;
-    const AFTER: usize = 8;
-    // The action law would spread a kick over many strides: without it the kick is one stride's, and
-    // the way up to the action is a ramp of our own.
+/// The flips of the robot and of its map at each of these actions.
+fn flips(
+    task: &Task,
+    transitions: &[Transition],
+    actions: Vec<Vec<f64>>,
+    seed: u64,
+) -> Result<Vec<Flip>, LabError> {
+    // The action law would spread a kick over many strides: without it the kick is one stride's. The
+    // map's own mean is what it knows.
     let mut free = task.clone();
     for action in &mut free.action {
         (action.gain, action.rate_per_stride) = (1.0, None);
     }
+    free.map.draw = MapDraw::Mean;
     let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
-    let mut decays: Vec<(f64, f64)> = Vec::new();
-    let run = |kick: f64| -> Result<Option<Vec<f64>>, LabError> {
-        let mut plant = free.plant()?;
-        let spec = free.process_spec()?;
-        let base = ConstantPolicy::new(spec, action)?;
-        let kicked = Kick {
-            base: &base,
+    let watched = pitch_rate(task)?;
+    let mut map = fit_map(&free, transitions, seed, 0)?;
+    let mut robot = free.plant()?;
+    let rng = stream(seed, Role::Check, 3);
+    let mut found = Vec::with_capacity(actions.len());
+    for action in actions {
+        let kick = Kick {
+            action: &action,
             neutral: &neutral,
-            at: SETTLE,
-            kick,
-            k: std::sync::atomic::AtomicUsize::new(0),
+            component: 0,
+            size: KICK_DEG,
+            watched,
         };
-        let batch = Batch {
-            iteration: 0,
-            phase: StridePhase::Record,
-            role: StrideRole::Record,
-            strides: SETTLE + 2 + AFTER,
-        };
-        let mut rng = stream(0, Role::Check, 3);
-        let transitions = make_strides(
-            &mut plant,
-            &ActionSource::Mean(&kicked),
-            batch,
-            &mut rng,
-            &mut |_, _| {},
-            &mut |_| Ok(()),
-        )?;
-        let stood = transitions.iter().all(|t| t.end == StrideEnd::Crossing);
-        Ok(stood.then(|| {
-            let after = transitions.iter().skip(SETTLE + 1);
-            after.map(|t| t.next_state[component]).collect()
-        }))
-    };
-    let Some(twin) = run(0.0)? else {
-        return Ok(None);
-    };
-    for kick in [KICK_DEG, -KICK_DEG] {
-        let Some(kicked) = run(kick)? else {
-            return Ok(None);
-        };
-        let off: Vec<f64> = kicked.iter().zip(&twin).map(|(a, b)| a - b).collect();
-        decays.extend(off.windows(2).map(|w| (w[0], w[1])));
+        found.push(Flip {
+            map: decay_after_kick(&mut map, &kick, &rng)?,
+            robot: decay_after_kick(&mut robot, &kick, &rng)?,
+            action,
+        });
     }
-    let x = DMatrix::from_iterator(decays.len(), 1, decays.iter().map(|d| d.0));
-    let y = DVector::from_iterator(decays.len(), decays.iter().map(|d| d.1));
-    let xx = x.norm_squared();
-    Ok((xx > 0.0).then(|| (x.transpose() * y)[0] / xx))
+    Ok(found)
 }
 
-/// A constant after a ramp, but for one stride.
-struct Kick<'a> {
-    base: &'a ConstantPolicy,
-    neutral: &'a [f64],
-    at: usize,
-    kick: f64,
-    k: std::sync::atomic::AtomicUsize,
-}
-
-impl stridemap_learn::Policy for Kick<'_> {
-    fn mean(&self, state: &[f64]) -> stridemap_returnmap::Action {
-        let k = self.k.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        let share = ((k + 1) as f64 / RAMP_STRIDES).min(1.0);
-        let mut action = self.base.mean(state);
-        for (u, n) in action.iter_mut().zip(self.neutral) {
-            *u = n + share * (*u - n);
-        }
-        if k == self.at {
-            action[0] += self.kick;
-        }
-        action
-    }
-
-    fn std(&self, state: &[f64]) -> stridemap_returnmap::Action {
-        self.base.std(state)
-    }
-}
-
-/// Analyses a run: held-out residuals, and flips of the map and of the robot at three shares of the
-/// best proven action.
+/// Analyses a run: held-out residuals, and flips of the map and of the robot at the actions at which
+/// the robot has walked most in its proofs.
 ///
 /// # Errors
 ///
@@ -294,29 +219,16 @@ impl stridemap_learn::Policy for Kick<'_> {
 pub fn analyse(
     task: &Task,
     transitions: &[Transition],
-    best: &[f64],
+    proofs: &[&Proof],
     seed: u64,
 ) -> Result<Analysis, LabError> {
-    /// Shares of the way from the nominal gait to the best proven action.
-    const SHARES: [f64; 3] = [0.7, 0.85, 1.0];
-    let component = pitch_rate(task)?;
-    let map = fit_map(task, transitions, seed, 0)?;
-    let limits = task.action_limits()?;
-    let mut flips = Vec::new();
-    for share in SHARES {
-        let action: Vec<f64> = best
-            .iter()
-            .zip(&limits)
-            .map(|(u, l)| l.neutral + share * (u - l.neutral))
-            .collect();
-        flips.push(Flip {
-            map: flip_of_map(&map, &action)?,
-            robot: flip_of_robot(task, &action, component)?,
-            action,
-        });
-    }
+    const ACTIONS: usize = 3;
+    let mut longest: Vec<&Proof> = proofs.to_vec();
+    longest.sort_by_key(|p| std::cmp::Reverse(p.strides));
+    let walked = longest.iter().filter(|p| !p.action.is_empty());
+    let actions = walked.take(ACTIONS).map(|p| p.action.clone()).collect();
     Ok(Analysis {
         pitch_rate_residual_deg_s: held_out(task, transitions, seed)?,
-        flips,
+        flips: flips(task, transitions, actions, seed)?,
     })
 }

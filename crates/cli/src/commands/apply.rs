@@ -7,7 +7,7 @@ use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Algorithm, Batch, LabError, Performance, Plant, PoseRecorder, Proof, PushConfig,
+    ActionSource, Algorithm, Batch, LabError, Performance, Plant, PoseRecorder, PushConfig,
     PushOutcome, Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker,
     analyse as analyse_run, builtin, drive, make_strides, push as push_plant,
 };
@@ -248,13 +248,15 @@ pub fn run(
 pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     let proofs = run.progress.proofs();
-    let best = Proof::choice(&proofs)
-        .map(|b| proofs[b].action.clone())
-        .ok_or_else(|| Failure::request("analyse needs a run that has proven a policy"))?;
+    if proofs.is_empty() {
+        return Err(Failure::request(
+            "analyse needs a run that has tried a policy in a proof",
+        ));
+    }
     let found = analyse_run(
         &run.task,
         &run.progress.transitions,
-        &best,
+        &proofs,
         run.provenance.seed,
     )?;
     if common.json {
@@ -273,13 +275,14 @@ pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
             if r.last_action { ", u(k-1)" } else { "" }
         ));
     }
+    let multiplier = |m: Option<f64>| m.map_or("fell".into(), |m| format!("{m:+.2}"));
     for flip in &found.flips {
         let action: Vec<String> = flip.action.iter().map(|u| format!("{u:.2}")).collect();
         output::line(format!(
-            "flip multiplier at [{}]: map {:+.2}, robot {}",
+            "flip multiplier at [{}]: map {}, robot {}",
             action.join(", "),
-            flip.map,
-            flip.robot.map_or("fell".into(), |m| format!("{m:+.2}"))
+            multiplier(flip.map),
+            multiplier(flip.robot)
         ));
     }
     Ok(())

@@ -1,0 +1,119 @@
+//! How fast a walk forgets a kick: the flip multiplier, measured the same way on the robot and in its
+//! map.
+//!
+//! From a steady walk under a constant action u, one stride is made with another action. What the kick
+//! does to the pitch rate d strides later,
+//!
+//! ```text
+//! δ(d) = ψ̇_pitch with the kick − ψ̇_pitch of its twin without it,
+//! ```
+//!
+//! shrinks by the same factor m every stride once it is small, δ(d+1) = m δ(d); m < 0 alternates (a
+//! flip), m < −1 grows to a fall.
+
+use rand_chacha::ChaCha8Rng;
+use stridemap_returnmap::{ProcessError, StrideEnd, StrideProcess};
+
+/// Strides of the ramp from the nominal gait to the constant action.
+const RAMP_STRIDES: f64 = 20.0;
+/// Strides before the kick.
+const SETTLE_STRIDES: usize = 50;
+/// Strides after the kick over which its decay is fitted.
+const DECAY_STRIDES: usize = 8;
+
+/// What is kicked, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kick<'a> {
+    /// The constant action.
+    pub action: &'a [f64],
+    /// The action of the nominal gait, from which the walk begins.
+    pub neutral: &'a [f64],
+    /// The component of the action that kicks.
+    pub component: usize,
+    /// The kick, in the component's unit; it is given both ways.
+    pub size: f64,
+    /// The component of the state that is watched.
+    pub watched: usize,
+}
+
+/// The watched component after each stride from the kick on; `None` if the walk ended before.
+fn walk(
+    process: &mut dyn StrideProcess,
+    kick: &Kick<'_>,
+    size: f64,
+    rng: &mut ChaCha8Rng,
+) -> Result<Option<Vec<f64>>, ProcessError> {
+    process.reset(rng)?;
+    let mut watched = Vec::with_capacity(DECAY_STRIDES + 1);
+    for k in 0..SETTLE_STRIDES + 2 + DECAY_STRIDES {
+        let share = ((k + 1) as f64 / RAMP_STRIDES).min(1.0);
+        let way = kick.action.iter().zip(kick.neutral);
+        let mut action: Vec<f64> = way.map(|(u, n)| n + share * (u - n)).collect();
+        if k == SETTLE_STRIDES {
+            action[kick.component] += size;
+        }
+        let stride = process.stride(&action, rng)?;
+        if stride.end != StrideEnd::Crossing {
+            return Ok(None);
+        }
+        if k > SETTLE_STRIDES {
+            watched.push(stride.next_state[kick.watched]);
+        }
+    }
+    Ok(Some(watched))
+}
+
+/// The factor from stride to stride by which kicks both ways decay, by least squares over the strides
+/// after the kick; `None` if the process does not walk that long, or if the kick leaves no trace.
+///
+/// # Arguments
+///
+/// - `process` – the robot, or a map of it that draws its mean; without limits on the action's rate, or
+///   the kick would last longer than a stride.
+/// - `rng` – the state of the random stream with which each of the three walks begins.
+///
+/// # Errors
+///
+/// [`ProcessError`] of the process.
+///
+/// # Example
+///
+/// ```
+/// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
+/// use stridemap_lab::{Kick, decay_after_kick};
+/// use stridemap_returnmap::{LinearGaussianMap, LinearGaussianParameters};
+///
+/// // x' = -0.8 x + u without noise: a kick decays by -0.8 from stride to stride.
+/// let mut process = LinearGaussianMap::new(LinearGaussianParameters {
+///     a: vec![vec![-0.8]],
+///     b: vec![vec![1.0]],
+///     offset: vec![0.0],
+///     noise_std: vec![0.0],
+///     ..LinearGaussianParameters::stepping()
+/// })?;
+/// let kick = Kick { action: &[2.0], neutral: &[0.0], component: 0, size: 1.0, watched: 0 };
+/// let m = decay_after_kick(&mut process, &kick, &ChaCha8Rng::seed_from_u64(1))?;
+/// assert!((m.unwrap() + 0.8).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn decay_after_kick(
+    process: &mut dyn StrideProcess,
+    kick: &Kick<'_>,
+    rng: &ChaCha8Rng,
+) -> Result<Option<f64>, ProcessError> {
+    let Some(twin) = walk(process, kick, 0.0, &mut rng.clone())? else {
+        return Ok(None);
+    };
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for size in [kick.size, -kick.size] {
+        let Some(kicked) = walk(process, kick, size, &mut rng.clone())? else {
+            return Ok(None);
+        };
+        let off: Vec<f64> = kicked.iter().zip(&twin).map(|(a, b)| a - b).collect();
+        for pair in off.windows(2) {
+            xy += pair[0] * pair[1];
+            xx += pair[0] * pair[0];
+        }
+    }
+    Ok((xx > 0.0).then(|| xy / xx))
+}
