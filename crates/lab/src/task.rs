@@ -330,6 +330,12 @@ impl Task {
             );
         }
         self.plant_actions()?;
+        if !self.map.invariant.is_empty() {
+            return invalid(
+                "map.invariant".into(),
+                "is said by the components of the state (heading_deg); leave it out".into(),
+            );
+        }
         if self.reward.is_empty() {
             return invalid("reward".into(), "needs at least one [[reward]] term".into());
         }

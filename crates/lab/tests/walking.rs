@@ -2,8 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use stridemap_lab::run::Summary;
-use stridemap_lab::{Algorithm, LearnerKind, NoRecorder, StrideRole, Task, Verdict, builtin};
+use stridemap_lab::{
+    Algorithm, Kick, LearnerKind, NoRecorder, StrideRole, Task, Verdict, builtin, decay_after_kick,
+};
 use stridemap_returnmap::StrideEnd;
 
 fn small(name: &str) -> Task {
@@ -115,4 +119,43 @@ fn the_same_seed_gives_the_same_policy() {
     };
     let first = without_seconds(learned(&task, 5));
     assert_eq!(first, without_seconds(learned(&task, 5)));
+}
+
+/// With A_walk alone the robot alternates: at 6 to 9 deg a kick decays by -0.7 to -0.95 a stride, slowest
+/// nearest to the cliff, and at 11.5 deg a constant action falls.
+#[test]
+fn a_walk_near_its_cliff_flips() {
+    let mut task = builtin::load("walking-single", &[]).unwrap().task;
+    for action in &mut task.action {
+        (action.gain, action.rate_per_stride) = (1.0, None);
+    }
+    let mut robot = task.plant().unwrap();
+    let watched = 2;
+    let mut flip = |deg: f64| {
+        let kick = Kick {
+            action: &[deg],
+            neutral: &[0.0],
+            component: 0,
+            size: 1.0,
+            watched,
+        };
+        decay_after_kick(&mut robot, &kick, &ChaCha8Rng::seed_from_u64(1)).unwrap()
+    };
+    let flips = [6.0, 8.0, 9.0].map(|deg| flip(deg).unwrap());
+    for m in flips {
+        assert!((-0.95..-0.7).contains(&m), "{flips:?}");
+    }
+    assert!(flips[2] < flips[0], "{flips:?}");
+    assert_eq!(flip(11.5), None);
+}
+
+/// What the components of the state say, a task file cannot say otherwise.
+#[test]
+fn an_invariant_in_a_task_file_is_refused() {
+    let error = builtin::load("walking", &["map.invariant=[1]".into()]).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        text.contains("map.invariant") && text.contains("heading_deg"),
+        "{text}"
+    );
 }
