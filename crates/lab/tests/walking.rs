@@ -6,7 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_lab::run::Summary;
 use stridemap_lab::{
-    Algorithm, Kick, LearnerKind, NoRecorder, StrideRole, Task, Verdict, builtin, decay_after_kick,
+    Algorithm, Kick, LearnerKind, NoRecorder, StrideRole, Task, Verdict, analyse, builtin,
+    decay_after_kick,
 };
 use stridemap_returnmap::StrideEnd;
 
@@ -147,6 +148,29 @@ fn a_walk_near_its_cliff_flips() {
     }
     assert!(flips[2] < flips[0], "{flips:?}");
     assert_eq!(flip(11.5), None);
+}
+
+/// With A_walk alone 90 strides tell the map the flip where the robot walked; every stride that reached
+/// the section is predicted once, without and with the last action.
+#[test]
+fn an_analysis_sets_the_map_beside_the_robot() {
+    let task = small("walking-single");
+    let mut algorithm = Algorithm::new(&task, 22).unwrap();
+    algorithm.learn(&mut NoRecorder).unwrap();
+    let progress = &algorithm.progress;
+    let found = analyse(&task, &progress.transitions, &progress.proofs(), 22).unwrap();
+    let reached = progress.transitions.iter();
+    let reached = reached.filter(|t| t.end == StrideEnd::Crossing).count();
+    let rows = &found.pitch_rate_residual_deg_s;
+    assert_eq!(
+        rows.iter()
+            .map(|r| (r.last_action, r.strides))
+            .collect::<Vec<_>>(),
+        [(false, reached), (true, reached)]
+    );
+    let flip = &found.flips[0];
+    let (map, robot) = (flip.map.unwrap(), flip.robot.unwrap());
+    assert!((map - robot).abs() < 0.2, "{map} {robot}");
 }
 
 /// What the components of the state say, a task file cannot say otherwise.
