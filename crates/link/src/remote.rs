@@ -108,6 +108,8 @@ const SETTLE_PERIODS: usize = 3;
 const WRITER_GONE: Duration = Duration::from_secs(3);
 /// Somebody else may have taken over after this end was silent for this long.
 const SILENT: Duration = Duration::from_secs(1);
+/// How long the robot may take to hear the commands before this end joins the network anew.
+const HEARD: Duration = Duration::from_secs(2);
 /// An angle that needs no ramp: encoders are off by as much.
 const NEAR_RAD: f64 = 0.05;
 
@@ -380,6 +382,43 @@ impl RemoteMachine {
         }
     }
 
+    /// Holds the measured pose until the robot says that it is commanded. A reader may know of a writer
+    /// later than the writer of the reader, or not at all where a message of the discovery was lost: what is
+    /// sent is lost then too, and a network joined anew is found. A robot that does not tell its status
+    /// cannot be asked.
+    fn make_heard(&mut self) -> Result<(), RobotError> {
+        let deadline = Instant::now() + Duration::from_secs_f64(self.config.connect_s);
+        loop {
+            if !self.readings.status_is_told(&self.node) || self.is_heard()? {
+                return Ok(());
+            }
+            self.lost = true;
+            if Instant::now() > deadline {
+                return Err(self.fault("the robot does not hear the commands"));
+            }
+            if let Err(error) = self.rejoin() {
+                return Err(self.fault(error.to_string()));
+            }
+            self.sent = None;
+            self.connect()?;
+            self.lost = false;
+        }
+    }
+
+    /// Whether the robot says before long that it is commanded.
+    fn is_heard(&mut self) -> Result<bool, RobotError> {
+        let pose: Vec<f64> = self.frame.joints.iter().map(|j| j.position_rad).collect();
+        let (before, began) = (self.readings.statuses, Instant::now());
+        while began.elapsed() < HEARD {
+            self.wait_periods(LOOK_PERIODS, Some(&pose))?;
+            let status = self.readings.newest_status.as_ref();
+            if self.readings.statuses > before && status.is_some_and(|s| s.commanded) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Waits some periods, commanding a fixed posture if one is given.
     fn wait_periods(&mut self, periods: usize, hold: Option<&[f64]>) -> Result<(), RobotError> {
         for _ in 0..periods {
@@ -483,6 +522,7 @@ impl RemoteMachine {
             self.wait_periods(LOOK_PERIODS, None)?;
         }
         self.check_upright_and_still()?;
+        self.make_heard()?;
         self.ramp_to(posture)?;
         self.judge_from_here();
         self.walking = true;
