@@ -2,11 +2,10 @@
 //! the map beside the robot's own.
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::{MapDraw, MapInput, StrideEnd};
+use stridemap_returnmap::{Kick, MapDraw, MapInput, StrideEnd, decay_after_kick};
 
 use crate::algorithm::fit_map;
 use crate::error::{Invalid, LabError};
-use crate::flip::{Kick, decay_after_kick};
 use crate::proof::Proof;
 use crate::reward::StateComponent;
 use crate::seed::{Role, stream};
@@ -188,7 +187,7 @@ fn walked_actions(proofs: &[&Proof]) -> Vec<Vec<f64>> {
         both.map(|(a, b)| 0.5 * (a + b)).collect()
     });
     let walked = walked.iter().map(|u| u.to_vec());
-    walked.clone().chain(halfway).collect()
+    walked.chain(halfway).collect()
 }
 
 /// The flips of the robot and of its map at these actions in turn, until there are enough at which the

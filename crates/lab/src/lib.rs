@@ -26,7 +26,6 @@ pub mod config;
 mod controls;
 mod error;
 mod feedback;
-mod flip;
 mod guard;
 mod guarded;
 mod integral;
@@ -64,7 +63,6 @@ pub use compare::{
 pub use controls::ControlsConfig;
 pub use error::{Invalid, LabError};
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
-pub use flip::{Kick, decay_after_kick};
 pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
 pub use guarded::GuardedExplorer;
 pub use integral::{IntegralAction, IntegralConfig};

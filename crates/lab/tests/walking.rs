@@ -6,10 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_lab::run::Summary;
 use stridemap_lab::{
-    Algorithm, Kick, LearnerKind, NoRecorder, StrideRole, Task, Verdict, analyse, builtin,
-    decay_after_kick,
+    Algorithm, LearnerKind, NoRecorder, StrideRole, Task, Verdict, analyse, builtin,
 };
-use stridemap_returnmap::StrideEnd;
+use stridemap_returnmap::{Kick, StrideEnd, decay_after_kick};
 
 fn small(name: &str) -> Task {
     let mut task = builtin::load(name, &[]).unwrap().task;

@@ -24,6 +24,7 @@
 mod action_law;
 mod analysis;
 mod compass_gait;
+mod kick;
 mod learned;
 mod linear_gaussian;
 mod linear_quadratic;
@@ -37,6 +38,7 @@ mod stability;
 pub use action_law::{ActionLaw, ActionLimits};
 pub use analysis::{AnalysisError, MeanMap};
 pub use compass_gait::{CompassGait, CompassGaitParameters};
+pub use kick::{Kick, decay_after_kick};
 pub use learned::{
     LearnedMap, MapFailure, MapPoint, MapPrediction, MapSample, MapWorld, StateReward,
 };

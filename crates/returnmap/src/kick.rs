@@ -1,18 +1,13 @@
 //! How fast a walk forgets a kick: the flip multiplier, measured the same way on the robot and in its
 //! map.
 //!
-//! From a steady walk under a constant action u, one stride is made with another action. What the kick
-//! does to the pitch rate d strides later,
-//!
-//! ```text
-//! δ(d) = ψ̇_pitch with the kick − ψ̇_pitch of its twin without it,
-//! ```
-//!
-//! shrinks by the same factor m every stride once it is small, δ(d+1) = m δ(d); m < 0 alternates (a
-//! flip), m < −1 grows to a fall.
+//! From a steady walk under a constant action, one stride is made with another action. What the kick
+//! does to one component of the state, the difference from a twin without it, shrinks by the same factor
+//! every stride once it is small. A negative factor alternates (a flip); below −1 it grows to a fall.
 
 use rand_chacha::ChaCha8Rng;
-use stridemap_returnmap::{ProcessError, StrideEnd, StrideProcess};
+
+use crate::process::{ProcessError, StrideEnd, StrideProcess};
 
 /// Strides of the ramp from the nominal gait to the constant action.
 const RAMP_STRIDES: f64 = 20.0;
@@ -80,8 +75,7 @@ fn walk(
 ///
 /// ```
 /// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
-/// use stridemap_lab::{Kick, decay_after_kick};
-/// use stridemap_returnmap::{LinearGaussianMap, LinearGaussianParameters};
+/// use stridemap_returnmap::{Kick, LinearGaussianMap, LinearGaussianParameters, decay_after_kick};
 ///
 /// // x' = -0.8 x + u without noise: a kick decays by -0.8 from stride to stride.
 /// let mut process = LinearGaussianMap::new(LinearGaussianParameters {
@@ -92,8 +86,8 @@ fn walk(
 ///     ..LinearGaussianParameters::stepping()
 /// })?;
 /// let kick = Kick { action: &[2.0], neutral: &[0.0], component: 0, size: 1.0, watched: 0 };
-/// let m = decay_after_kick(&mut process, &kick, &ChaCha8Rng::seed_from_u64(1))?;
-/// assert!((m.unwrap() + 0.8).abs() < 1e-9);
+/// let factor = decay_after_kick(&mut process, &kick, &ChaCha8Rng::seed_from_u64(1))?;
+/// assert!((factor.unwrap() + 0.8).abs() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn decay_after_kick(
