@@ -250,7 +250,7 @@ pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     let proofs = run.progress.proofs();
     if proofs.is_empty() {
         return Err(Failure::request(
-            "analyse needs a run that has tried a policy in a proof",
+            "analyse needs a run that proves its policies, as those of `learn walking` do",
         ));
     }
     let found = analyse_run(

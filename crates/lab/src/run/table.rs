@@ -62,15 +62,21 @@ impl TransitionTable {
         }
     }
 
-    /// The header line.
-    #[must_use]
-    pub fn header(&self) -> String {
+    /// The columns without which a stride is not known.
+    fn needed(&self) -> Vec<String> {
         let mut columns: Vec<String> = FIRST_COLUMNS.iter().map(ToString::to_string).collect();
         columns.extend(self.states.iter().cloned());
         columns.extend(self.actions.iter().map(|name| format!("last_{name}")));
         columns.extend(self.actions.iter().cloned());
         columns.extend(self.states.iter().map(|name| format!("next_{name}")));
         columns.extend(["reward".into(), "end".into()]);
+        columns
+    }
+
+    /// The header line.
+    #[must_use]
+    pub fn header(&self) -> String {
+        let mut columns = self.needed();
         columns.extend(
             measures(&StrideMeasures::default())
                 .iter()
@@ -128,6 +134,24 @@ impl TransitionTable {
             .next()
             .map(|(_, l)| l.split(',').collect())
             .unwrap_or_default();
+        let has = |name: &str| header.iter().any(|h| h.trim() == name);
+        let needed = self.needed();
+        let missing: Vec<&str> = needed
+            .iter()
+            .map(String::as_str)
+            .filter(|c| !has(c))
+            .collect();
+        if rows != Some(0) && !missing.is_empty() {
+            let problem = if missing.len() == needed.len() {
+                "is no table of strides: its first line names none of their columns".into()
+            } else {
+                format!(
+                    "lacks the columns {} of a stride of this task",
+                    missing.join(", ")
+                )
+            };
+            return Err(bad(Some(1), problem));
+        }
         let mut transitions = Vec::new();
         for (index, line) in lines.take(rows.unwrap_or(usize::MAX)) {
             let cells: Vec<&str> = line.split(',').collect();
@@ -141,12 +165,8 @@ impl TransitionTable {
             }
             let cell = |name: &str| {
                 let column = header.iter().position(|h| h.trim() == name);
-                column.map(|c| cells[c].trim()).ok_or_else(|| {
-                    bad(
-                        Some(1),
-                        format!("no column {name}; this task needs {}", self.header()),
-                    )
-                })
+                let text = column.and_then(|c| cells.get(c)).map(|c| c.trim());
+                text.ok_or_else(|| at(format!("no column {name}")))
             };
             let number = |name: &str| -> Result<f64, LabError> {
                 let text = cell(name)?;
@@ -156,11 +176,7 @@ impl TransitionTable {
                 }
             };
             let optional = |name: &str| -> Result<f64, LabError> {
-                if header.iter().any(|h| h.trim() == name) {
-                    number(name)
-                } else {
-                    Ok(0.0)
-                }
+                if has(name) { number(name) } else { Ok(0.0) }
             };
             let count = |name: &str| -> Result<usize, LabError> {
                 let text = cell(name)?;
@@ -300,6 +316,29 @@ mod tests {
         let error = table().read(&path, None).unwrap_err().to_string();
         assert!(
             error.ends_with("transitions.csv:2: reward = \"NaN\" is not a finite number"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_file_without_the_columns_is_told_which_even_if_it_has_no_strides() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("transitions.csv");
+        let said = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            table().read(&path, None).unwrap_err().to_string()
+        };
+        let error = said("hello\n");
+        assert!(
+            error.contains("transitions.csv:1: is no table of strides"),
+            "{error}"
+        );
+        let header = table().header().replace("next_psi_roll_deg", "psi");
+        let error = said(&header);
+        assert!(
+            error.ends_with(
+                "transitions.csv:1: lacks the columns next_psi_roll_deg of a stride of this task"
+            ),
             "{error}"
         );
     }
