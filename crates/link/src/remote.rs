@@ -17,7 +17,8 @@ use crate::guard::Refusals;
 use crate::messages::{Float64MultiArray, Text, UInt64MultiArray};
 use crate::node::{LinkNode, NAP, Topics, drain};
 use crate::readings::{Readings, Unusable};
-use crate::server::{STOP_REPEATS, Status};
+use crate::server::Status;
+use crate::stop::{STOP_PERIOD, send_stop};
 use crate::watch::Watch;
 use crate::wiring::Wiring;
 
@@ -110,6 +111,8 @@ const WRITER_GONE: Duration = Duration::from_secs(3);
 const SILENT: Duration = Duration::from_secs(1);
 /// How long the robot may take to hear the commands before this end joins the network anew.
 const HEARD: Duration = Duration::from_secs(2);
+/// How long the robot may take to say that it stopped before it is told by another way.
+const STOPPED: Duration = Duration::from_millis(500);
 /// An angle that needs no ramp: encoders are off by as much.
 const NEAR_RAD: f64 = 0.05;
 
@@ -223,15 +226,35 @@ impl RemoteMachine {
         if !asked {
             return Ok(());
         }
-        let reason = "Ctrl-C at the controller".to_owned();
-        for _ in 0..STOP_REPEATS {
-            let _ = self.stop.publish(Text {
-                data: reason.clone(),
-            });
-            std::thread::sleep(Duration::from_millis(5));
+        let mut reason = "Ctrl-C at the controller".to_owned();
+        // A robot that does not tell its status cannot confirm; one that does may not know of this writer.
+        let told = self.readings.status_is_told(&self.node);
+        let stopped = self.press_stop(&reason)
+            || !told
+            || matches!(send_stop(&self.config, &reason, false), Ok(true));
+        if !stopped {
+            reason += "; THE ROBOT HAS NOT SAID THAT IT STOPPED";
         }
         self.trouble = Some(reason.clone());
         Err(RobotError::EmergencyStop { reason })
+    }
+
+    /// Presses the emergency stop until the robot says that it stopped, for a moment; tells whether it did.
+    fn press_stop(&mut self, reason: &str) -> bool {
+        let began = Instant::now();
+        while began.elapsed() < STOPPED {
+            let _ = self.stop.publish(Text {
+                data: reason.to_owned(),
+            });
+            std::thread::sleep(STOP_PERIOD);
+            // Nothing but the status counts now.
+            let _ = self.readings.gather(&mut self.counts);
+            let status = self.readings.newest_status.as_ref();
+            if status.is_some_and(|s| s.stopped.is_some()) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Takes in what has arrived; whether that made a whole reading newer than the last.

@@ -99,8 +99,6 @@ struct In {
 const LIES_COS: f64 = 0.2;
 /// How long lock step waits for an answer before it goes on without, in real time.
 const LOCK_STEP_WAIT: Duration = Duration::from_millis(500);
-/// How often a stop is sent: it must not depend on one packet.
-pub(crate) const STOP_REPEATS: usize = 5;
 /// Status messages per second of robot time.
 const STATUS_HZ: f64 = 10.0;
 
@@ -329,21 +327,22 @@ impl Server {
         self.listen(now_s);
     }
 
-    /// Lock step: waits until the state of this period was answered. Without a controller, and after one has
-    /// kept it waiting, real time.
+    /// Lock step: waits until the state of this period was answered. Without a controller, after one has kept
+    /// it waiting, and while the robot is stopped, real time.
     fn listen_for_answer(&mut self, now_ns: u64, now_s: f64) {
         let told = Instant::now();
         loop {
             self.listen(now_s);
             let writer = self.guard.has_writer(now_s);
-            let patience = if writer && self.pending == 0 {
+            let waits = writer && self.pending == 0 && self.guard.stopped().is_none();
+            let patience = if waits {
                 LOCK_STEP_WAIT
             } else {
                 Duration::from_secs_f64(self.period_s)
             };
             let answered = self.is_answered(now_ns, told);
             let over = told.elapsed() >= patience;
-            if answered || over || self.guard.stopped().is_some() {
+            if answered || over {
                 self.pending += u64::from(writer && !answered);
                 return;
             }
@@ -395,30 +394,4 @@ fn to_trajectory(message: &JointTrajectory, names: &[String], now_s: f64) -> Tra
             })
             .collect(),
     }
-}
-
-/// Presses, or after `rearm` releases, the emergency stop of the robot on a network. Tells whether a robot
-/// was there to hear it.
-///
-/// # Errors
-///
-/// [`LinkError`] if the network cannot be joined.
-pub fn send_stop(link: &Ros2Config, reason: &str, rearm: bool) -> Result<bool, LinkError> {
-    let mut node = LinkNode::open(link, "stridemap_stop")?;
-    let topic = if rearm { Topics::REARM } else { Topics::STOP };
-    let publisher = node.publisher::<Text>(topic)?;
-    let deadline = Instant::now() + Duration::from_secs_f64(link.connect_s);
-    while publisher.get_subscription_count(node.node()) == 0 {
-        if Instant::now() > deadline {
-            return Ok(false);
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    for _ in 0..STOP_REPEATS {
-        let _ = publisher.publish(Text {
-            data: reason.to_owned(),
-        });
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    Ok(true)
 }

@@ -91,7 +91,11 @@ pub fn stop(rearm: bool, reason: &str, network: &Network) -> Result<(), Failure>
         output::line(if rearm { "re-armed" } else { "stopped" });
         Ok(())
     } else {
-        Err(Failure::working("no robot was found on this network"))
+        Err(Failure::working(format!(
+            "no robot on domain {} said that it {}",
+            network.domain,
+            if rearm { "is re-armed" } else { "stopped" }
+        )))
     }
 }
 

@@ -17,7 +17,7 @@ use crate::messages::{
 };
 use crate::node::{LinkNode, drain};
 use crate::remote::{RemoteMachine, Yes};
-use crate::server::send_stop;
+use crate::stop::send_stop;
 
 fn generator() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(0)
