@@ -1,22 +1,27 @@
 //! From the names of a configuration to the places of a model.
 
 use mujoco_rs::prelude::MjModel;
-use mujoco_rs::wrappers::mj_model::{MjtGeomBase, MjtJoint, MjtObjBase, MjtTrn};
+use mujoco_rs::wrappers::mj_model::{MjtJoint, MjtObjBase};
 use stridemap_robot::{LEG_JOINTS, Side};
 
-use crate::config::{MujocoConfig, no_such_name};
-use crate::engine::{is_motor, is_servo, name_of, own_bodies};
+use crate::config::{LegMap, MujocoConfig, no_such_name};
+use crate::engine::{name_of, own_bodies};
 use crate::error::MujocoError;
+use crate::{actuators, world};
 
 /// How a torque reaches a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Drive {
-    /// A position actuator of the model: `ctrl` takes `gear` times the model's angle.
+    /// A position actuator of the model: `ctrl` takes `per_rad` times the model's angle, plus `offset`.
     Servo {
         /// Index of the control.
         ctrl: usize,
-        /// Length of the actuator per radian.
-        gear: f64,
+        /// Control per radian: the actuator's gear, for `<position>`.
+        per_rad: f64,
+        /// Control at angle 0: zero, for `<position>`.
+        offset: f64,
+        /// Index of the activation, for a servo with a time constant.
+        act: Option<usize>,
     },
     /// A torque actuator of the model, under our PD law.
     Motor {
@@ -67,8 +72,6 @@ pub(crate) struct Binding {
     pub foot_of_geom: Vec<Option<u8>>,
     /// For each geom: whether it is part of the floor (fixed to the world, and able to touch).
     pub is_floor: Vec<bool>,
-    /// Height of the floor.
-    pub floor_m: f64,
 }
 
 impl Binding {
@@ -77,6 +80,11 @@ impl Binding {
         let mut feet = [0; 2];
         for side in Side::BOTH {
             let name = &config.leg(side).foot;
+            if model.name_to_id(MjtObjBase::mjOBJ_BODY, name).is_none()
+                && *config.leg(side) == LegMap::biped(side)
+            {
+                return Err(not_mapped(model, config, side));
+            }
             feet[side.index()] =
                 model
                     .name_to_id(MjtObjBase::mjOBJ_BODY, name)
@@ -91,6 +99,9 @@ impl Binding {
             model: config.model.to_string(),
             reason,
         };
+        if let Some(problem) = world::problem(model) {
+            return Err(not_a_biped(problem));
+        }
         let torso = model.body_rootid()[feet[0]] as usize;
         let root = (0..model.njnt() as usize)
             .find(|&j| {
@@ -119,13 +130,6 @@ impl Binding {
                     && collides(model, geom)
             })
             .collect();
-        let floor_m = floor_height(model, &is_floor).ok_or_else(|| {
-            not_a_biped(
-                "there is no floor: add <geom name=\"floor\" type=\"plane\" size=\"0 0 1\"/> to its <worldbody>, \
-                 or name the scene file that includes it"
-                    .into(),
-            )
-        })?;
         Ok(Self {
             legs,
             others,
@@ -135,7 +139,6 @@ impl Binding {
             feet,
             foot_of_geom,
             is_floor,
-            floor_m,
         })
     }
 
@@ -151,6 +154,27 @@ impl Binding {
         let servo = |axis: &Axis| matches!(axis.drive, Drive::Servo { .. });
         let legs = self.legs.iter().filter(|axis| servo(axis));
         legs.filter_map(|axis| axis.actuator).collect()
+    }
+}
+
+/// The error for a model of the user's own under the names of the built-in biped.
+fn not_mapped(model: &MjModel, config: &MujocoConfig, side: Side) -> MujocoError {
+    let hinges: Vec<&str> = (0..model.njnt() as usize)
+        .filter(|&joint| model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE)
+        .filter_map(|joint| model.id_to_name(MjtObjBase::mjOBJ_JOINT, joint))
+        .collect();
+    let has = match hinges[..] {
+        [] => "it has no hinges with names, and ten are needed".into(),
+        _ => format!("its hinges are {}", hinges.join(", ")),
+    };
+    let side = side_name(side);
+    MujocoError::NotABiped {
+        model: config.model.to_string(),
+        reason: format!(
+            "robot.{side} is not given, and the names of the built-in biped are not in it; name its joints and foot \
+             as {side} = {{ hip_roll = \"...\", hip_pitch = \"...\", knee = \"...\", ankle_pitch = \"...\", \
+             ankle_roll = \"...\", foot = \"...\" }}; {has}"
+        ),
     }
 }
 
@@ -189,6 +213,10 @@ fn leg_axes(model: &MjModel, config: &MujocoConfig) -> Result<[Axis; 10], Mujoco
                 && (config.kp_nm_rad.is_none() || config.kv_nms_rad.is_none())
             {
                 return Err(MujocoError::NoGains { joint: name.into() });
+            }
+            // A servo's own range is replaced by a limit of the user's.
+            if config.torque_limit_nm.is_none() || !matches!(axis.drive, Drive::Servo { .. }) {
+                actuators::torque_range(model, &axis)?;
             }
             found.push((field, axis));
         }
@@ -252,42 +280,7 @@ fn other_axes(
 
 /// One joint and how it is driven.
 fn axis(model: &MjModel, joint: usize, sign: f64, rest_rad: f64) -> Result<Axis, MujocoError> {
-    let on_joint: Vec<usize> = (0..model.nactuator() as usize)
-        .filter(|&a| {
-            let kind = model.actuator_trntype()[a];
-            (kind == MjtTrn::mjTRN_JOINT || kind == MjtTrn::mjTRN_JOINTINPARENT)
-                && model.actuator_trnid()[a][0] as usize == joint
-        })
-        .collect();
-    let gear = |a: usize| model.actuator_gear()[model.actuator_outadr()[a] as usize][0];
-    let ctrl = |a: usize| model.actuator_ctrladr()[a] as usize;
-    let usable = |a: &usize| model.actuator_ctrlnum()[*a] == 1 && gear(*a).abs() > 0.0;
-    let servo = on_joint
-        .iter()
-        .filter(|a| usable(a))
-        .find(|&&a| is_servo(model, a));
-    let motor = on_joint
-        .iter()
-        .filter(|a| usable(a))
-        .find(|&&a| is_motor(model, a));
-    let (drive, actuator) = match (servo, motor, on_joint.first()) {
-        (Some(&a), _, _) => {
-            let (ctrl, gear) = (ctrl(a), gear(a));
-            (Drive::Servo { ctrl, gear }, Some(a))
-        }
-        (None, Some(&a), _) => {
-            let ctrl_per_nm = 1.0 / (gear(a) * model.actuator_gainprm()[a][0]);
-            let ctrl = ctrl(a);
-            (Drive::Motor { ctrl, ctrl_per_nm }, Some(a))
-        }
-        (None, None, None) => (Drive::Applied, None),
-        (None, None, Some(&a)) => {
-            return Err(MujocoError::Actuator {
-                joint: name_of(model, MjtObjBase::mjOBJ_JOINT, joint),
-                actuator: name_of(model, MjtObjBase::mjOBJ_ACTUATOR, a),
-            });
-        }
-    };
+    let (drive, actuator) = actuators::drive(model, joint)?;
     Ok(Axis {
         joint,
         qpos: model.jnt_qposadr()[joint] as usize,
@@ -347,19 +340,4 @@ pub(crate) fn collides(model: &MjModel, geom: usize) -> bool {
         both.any(|&g| g as usize == geom)
     };
     model.geom_contype()[geom] != 0 || model.geom_conaffinity()[geom] != 0 || in_pair()
-}
-
-/// Height of the floor: of a plane if there is one, else of the highest fixed geom's top.
-fn floor_height(model: &MjModel, is_floor: &[bool]) -> Option<f64> {
-    let floors = || (0..is_floor.len()).filter(|&geom| is_floor[geom]);
-    let plane = floors().find(|&geom| model.geom_type()[geom] == MjtGeomBase::mjGEOM_PLANE);
-    match plane {
-        Some(geom) => Some(model.geom_pos()[geom][2]),
-        None => floors()
-            .map(|geom| {
-                let aabb = model.geom_aabb()[geom];
-                model.geom_pos()[geom][2] + aabb[2] + aabb[5]
-            })
-            .reduce(f64::max),
-    }
 }

@@ -4,10 +4,10 @@ use std::cell::RefCell;
 use std::io::Write;
 use std::sync::{Arc, Once};
 
-use mujoco_rs::prelude::{MjData, MjModel, set_log_handler};
+use mujoco_rs::prelude::{MjCache, MjData, MjModel, set_log_handler};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
 use mujoco_rs::wrappers::mj_model::{
-    MjtBias, MjtDisableBit, MjtGain, MjtIntegrator, MjtJoint, MjtObjBase, MjtSameFrame,
+    MjtDisableBit, MjtIntegrator, MjtJoint, MjtObjBase, MjtSameFrame,
 };
 use sha2::{Digest, Sha256};
 
@@ -47,11 +47,13 @@ fn install_log_handler() {
     static INSTALLED: Once = Once::new();
     INSTALLED.call_once(|| {
         // SAFETY: no other thread may use MuJoCo meanwhile. This crate is the only one of the workspace that
-        // uses MuJoCo, it reaches every use through `load`, and `Once` holds all other threads there.
+        // uses MuJoCo, it reaches every use through `load`, which begins here, and `Once` holds all other threads there.
         #[allow(unsafe_code)]
         unsafe {
             set_log_handler(keep_warning);
         }
+        // MuJoCo's own cache of meshes tells a changed file by its time in whole seconds.
+        MjCache::current().set_capacity(0);
     });
 }
 
@@ -74,8 +76,8 @@ pub(crate) fn take_warning() -> String {
     LAST_WARNING.with_borrow_mut(std::mem::take)
 }
 
-/// Loads a model as it is.
-pub(crate) fn load(source: &ModelSource) -> Result<MjModel, MujocoError> {
+/// Compiles a model as it is; [`load`](crate::store::load) does it once.
+pub(crate) fn compile(source: &ModelSource) -> Result<MjModel, MujocoError> {
     install_log_handler();
     let error = |reason: String| MujocoError::Load {
         model: source.to_string(),
@@ -120,10 +122,11 @@ pub(crate) struct Places<'a> {
 
 /// Applies the user's overrides and recomputes what MuJoCo derives from them.
 pub(crate) fn apply(
-    mut model: MjModel,
+    model: &MjModel,
     config: &MujocoConfig,
     places: &Places<'_>,
 ) -> Result<MjModel, MujocoError> {
+    let mut model = model.clone();
     let options = model.opt_mut();
     // MuJoCo's default answer to a diverged state is to reset it and go on.
     options.disableflags |= MjtDisableBit::mjDSBL_AUTORESET as i32;
@@ -178,10 +181,18 @@ fn tune_servos(model: &mut MjModel, config: &MujocoConfig, servos: &[usize]) {
         let gear = model.actuator_gear()[model.actuator_outadr()[servo] as usize][0].abs();
         if let Some(kp) = config.kp_nm_rad {
             let kp = kp / (gear * gear);
+            // Control and offset in units of the length stay what they are.
+            let own = -model.actuator_biasprm()[servo][1];
+            let [per_length, offset] = [
+                model.actuator_gainprm()[servo][0],
+                model.actuator_biasprm()[servo][0],
+            ]
+            .map(|parameter| parameter / own);
             // SAFETY: the first gain parameter of a fixed gain is a plain factor, never an index.
             #[allow(unsafe_code)]
             let gains = unsafe { model.actuator_gainprm_mut() };
-            gains[servo][0] = kp;
+            gains[servo][0] = kp * per_length;
+            model.actuator_biasprm_mut()[servo][0] = kp * offset;
             model.actuator_biasprm_mut()[servo][1] = -kp;
         }
         if let Some(kv) = config.kv_nms_rad {
@@ -241,26 +252,6 @@ pub(crate) fn allocation(error: impl std::fmt::Display) -> MujocoError {
         model: "simulation data".into(),
         reason: error.to_string(),
     }
-}
-
-/// Whether an actuator is a position servo: force = kp (ctrl − length) − kv velocity.
-pub(crate) fn is_servo(model: &MjModel, actuator: usize) -> bool {
-    let (gain, bias) = (
-        model.actuator_gainprm()[actuator][0],
-        model.actuator_biasprm()[actuator],
-    );
-    model.actuator_gaintype()[actuator] == MjtGain::mjGAIN_FIXED
-        && model.actuator_biastype()[actuator] == MjtBias::mjBIAS_AFFINE
-        && gain > 0.0
-        && (gain + bias[1]).abs() <= 1e-9 * gain
-}
-
-/// Whether an actuator is a torque motor: force = gain ctrl.
-pub(crate) fn is_motor(model: &MjModel, actuator: usize) -> bool {
-    model.actuator_gaintype()[actuator] == MjtGain::mjGAIN_FIXED
-        && model.actuator_biastype()[actuator] == MjtBias::mjBIAS_NONE
-        && model.actuator_gainprm()[actuator][0].abs() > 0.0
-        && model.actuator_actnum()[actuator] == 0
 }
 
 /// The name of an object, or `#id` for one without.

@@ -16,7 +16,11 @@ pub enum MujocoError {
     },
     /// The control period cannot be divided into physics steps.
     #[error(
-        "control_period_s = {control_period_s} is not a whole multiple of time_step_s = {time_step_s}"
+        "robot.control_period_s = {control_period_s} is not a whole multiple of the physics' step of {time_step_s} s \
+         (robot.time_step_s, or the model's own <option timestep>); set robot.time_step_s = {}, or \
+         robot.control_period_s = {}",
+        dividing(*control_period_s, *time_step_s),
+        multiple(*control_period_s, *time_step_s)
     )]
     PeriodNotMultiple {
         /// Time between two commands.
@@ -70,20 +74,34 @@ pub enum MujocoError {
         /// The joint.
         name: String,
     },
-    /// A joint has an actuator that takes neither positions nor torques.
+    /// A joint has an actuator that takes neither positions nor torques, or more than can be driven.
     #[error(
-        "the joint {joint:?} has the actuator {actuator:?}, which is neither a position servo nor a torque motor; \
-         replace it by <position> or <motor>, or remove it to have the torque applied directly"
+        "the joint {joint:?} has the actuator {actuator:?}, which {problem}; accepted are one position servo \
+         (<position>, also with timeconst) or one torque motor (<motor>), or no actuator, to have the torque \
+         applied directly"
     )]
     Actuator {
         /// The joint.
         joint: String,
         /// Its actuator.
         actuator: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// An actuator that drives none of the robot's joints would act on it unasked.
+    #[error(
+        "the actuator {actuator:?} {problem}; it would act on the robot unasked: remove it, or disable its group \
+         with <option actuatorgroupdisable=\"...\"/>"
+    )]
+    StrayActuator {
+        /// The actuator.
+        actuator: String,
+        /// What it would do.
+        problem: String,
     },
     /// A joint without a position servo needs gains.
     #[error(
-        "the joint {joint:?} has no position actuator: give kp_nm_rad and kv_nms_rad, with which it is driven"
+        "the joint {joint:?} has no position servo that is enabled: give kp_nm_rad and kv_nms_rad, with which it is driven"
     )]
     NoGains {
         /// The joint.
@@ -105,6 +123,21 @@ pub enum MujocoError {
         /// Size of the snapshot's.
         found: usize,
     },
+}
+
+/// The largest step up to `step` that divides the period.
+fn dividing(period: f64, step: f64) -> f64 {
+    rounded(period / (period / step).ceil().max(1.0))
+}
+
+/// The multiple of the step that is nearest to the period.
+fn multiple(period: f64, step: f64) -> f64 {
+    rounded(step * (period / step).round().max(1.0))
+}
+
+/// A time as one would write it.
+fn rounded(seconds: f64) -> f64 {
+    (seconds * 1e9).round() / 1e9
 }
 
 /// "; did you mean ...?" for near matches, nothing without.

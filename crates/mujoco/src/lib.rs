@@ -7,6 +7,7 @@
 //! What the simulator warns of is an error here: a state that MuJoCo itself would reset in silence never
 //! reaches a return map.
 
+mod actuators;
 mod bench;
 mod binding;
 mod config;
@@ -21,6 +22,8 @@ mod robot;
 mod rotation;
 mod scene;
 mod sole;
+mod store;
+mod world;
 
 pub use config::{LegMap, ModelSource, MujocoConfig};
 pub use engine::{BIPED_XML, OP3_XML, mujoco_version};

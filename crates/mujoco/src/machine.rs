@@ -6,6 +6,7 @@ use mujoco_rs::wrappers::mj_model::{MjtJoint, MjtObjBase};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use stridemap_robot::kinematics::about;
 use stridemap_robot::{
     Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointMap, JointState, JointTargets,
     KinematicModel, Legs, Machine, MachineDescription, Pose, Robot, RobotError, RobotState,
@@ -14,11 +15,13 @@ use stridemap_robot::{
 
 use crate::binding::{Axis, Binding};
 use crate::config::MujocoConfig;
-use crate::engine::{allocation, load, name_of, own_bodies};
+use crate::engine::{allocation, name_of, own_bodies};
 use crate::error::MujocoError;
 use crate::hardware::{HardwareConfig, Individual};
 use crate::robot::{MujocoRobot, limits};
+use crate::rotation::{product, turn};
 use crate::sole;
+use crate::store::load;
 
 use mujoco_rs::prelude::MjData;
 
@@ -278,7 +281,7 @@ impl MujocoRobot {
 pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoError> {
     let model = load(&config.model)?;
     let binding = Binding::find(&model, config)?;
-    let mut data = MjData::try_new(&model).map_err(allocation)?;
+    let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
     data.forward();
     let name = config.model.to_string();
     let not_a_biped = |reason: String| MujocoError::NotABiped {
@@ -314,21 +317,31 @@ pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoEr
                 )));
             }
         };
+        // The drawing shows each joint at its `ref`, which is where the angle has that value.
+        let drawn_at = joints
+            .first()
+            .map_or(0.0, |&j| model.qpos0()[model.jnt_qposadr()[j] as usize]);
+        let (mut position_m, mut orientation) = (model.body_pos()[body], model.body_quat()[body]);
+        if let Some(hinge) = hinge.as_ref().filter(|_| drawn_at.abs() > 0.0) {
+            let back = about(hinge.axis, -drawn_at);
+            let anchor = turn(back, hinge.anchor_m);
+            let shift = turn(
+                orientation,
+                [0, 1, 2].map(|i| hinge.anchor_m[i] - anchor[i]),
+            );
+            position_m = [0, 1, 2].map(|i| position_m[i] + shift[i]);
+            orientation = product(orientation, back);
+        }
         bodies.push(Body {
             parent: place(model.body_parentid()[body] as usize),
-            position_m: model.body_pos()[body],
-            orientation: model.body_quat()[body],
+            position_m,
+            orientation,
             mass_kg: model.body_mass()[body],
             com_m: model.body_ipos()[body],
             hinge,
         });
     }
-    let robot_soles = {
-        let model = std::sync::Arc::new(load(&config.model)?);
-        let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
-        data.forward();
-        sole::find(&model, &data, &binding, &name)?
-    };
+    let robot_soles = sole::find(&model, &data, &binding, &name)?;
     let soles = [0, 1].map(|side| BodyPoint {
         body: place(binding.feet[side]),
         point_m: robot_soles[side].centre_m,

@@ -12,12 +12,14 @@ use stridemap_robot::{
     RobotDescription, RobotError, RobotState, Shape, Side,
 };
 
+use crate::actuators::{self, Held};
 use crate::binding::{Axis, Binding, Drive, torque_limit};
 use crate::config::{MujocoConfig, steps_per_period};
-use crate::engine::{Data, Places, allocation, apply, hash, load, mujoco_version, take_warning};
+use crate::engine::{Data, Places, allocation, apply, hash, mujoco_version, take_warning};
 use crate::error::MujocoError;
 use crate::rotation::{about_y, inverse, product, to_world, turn};
 use crate::sole::{self, Sole};
+use crate::store::load;
 
 /// Everything that the engine needs to go on exactly as before.
 const INTEGRATION: u32 = MjtState::mjSTATE_INTEGRATION as u32;
@@ -70,6 +72,10 @@ pub struct MujocoRobot {
     pub(crate) binding: Binding,
     pub(crate) soles: [Sole; 2],
     pub(crate) data: Data,
+    /// Height of the floor under the robot's start.
+    pub(crate) floor_m: f64,
+    /// Position servos that drive no joint of their own.
+    pub(crate) held: Vec<Held>,
     description: RobotDescription,
     provenance: Provenance,
     steps_per_period: usize,
@@ -130,13 +136,16 @@ impl MujocoRobot {
             contact_geoms: &binding.contact_geoms(),
             servos: &binding.servos(),
         };
-        let model = Arc::new(apply(bare, &config, &places)?);
+        let model = Arc::new(apply(&bare, &config, &places)?);
         let time_step_s = model.opt().timestep;
         let steps_per_period = steps_per_period(config.control_period_s, time_step_s)?;
         let mut data = MjData::try_new(Arc::clone(&model)).map_err(allocation)?;
         data.forward();
         let name = config.model.to_string();
         let soles = sole::find(&model, &data, &binding, &name)?;
+        let axes: Vec<&Axis> = binding.legs.iter().chain(&binding.others).collect();
+        let damped = config.kv_nms_rad.is_some();
+        let held = actuators::aside(&model, &data, &axes, binding.torso, &binding.legs, damped)?;
         let laws = laws(&model, &config, &binding);
         let mass_kg = model.body_subtreemass()[binding.torso];
         let limits = Legs::from_fn(|side, joint| {
@@ -177,7 +186,10 @@ impl MujocoRobot {
             binding,
             soles,
             data,
+            floor_m: 0.0,
+            held,
         };
+        robot.find_floor()?;
         robot.read_forces();
         robot.read_motion();
         Ok(robot)
@@ -243,13 +255,25 @@ impl MujocoRobot {
         let flat = targets.position_rad.values.iter().flatten();
         for ((axis, law), target) in self.binding.legs.iter().zip(&mut self.laws).zip(flat) {
             law.target = axis.sign * target;
-            if let Drive::Servo { ctrl: index, gear } = axis.drive {
-                ctrl[index] = gear * law.target;
+            if let Drive::Servo {
+                ctrl: index,
+                per_rad,
+                offset,
+                ..
+            } = axis.drive
+            {
+                ctrl[index] = per_rad * law.target + offset;
             }
         }
         for axis in &self.binding.others {
-            if let Drive::Servo { ctrl: index, gear } = axis.drive {
-                ctrl[index] = gear * axis.rest_rad;
+            if let Drive::Servo {
+                ctrl: index,
+                per_rad,
+                offset,
+                ..
+            } = axis.drive
+            {
+                ctrl[index] = per_rad * axis.rest_rad + offset;
             }
         }
     }
@@ -332,7 +356,7 @@ impl MujocoRobot {
     /// Reads positions and velocities; kinematics must be up to date.
     fn read_motion(&mut self) {
         self.data.subtree_vel();
-        let floor_m = self.binding.floor_m;
+        let floor_m = self.floor_m;
         let above_floor = |[x, y, z]: [f64; 3]| [x, y, z - floor_m];
         let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
         let joints = self.state.joints.values.iter_mut().flatten();
@@ -398,7 +422,7 @@ impl MujocoRobot {
     }
 
     /// Puts the base upright, turned in pitch so that the soles are level, the lower sole on the floor.
-    fn stand(&mut self) {
+    pub(crate) fn stand(&mut self) {
         self.data.kinematics();
         let mut pitch_rad = 0.0;
         for side in Side::BOTH {
@@ -418,7 +442,7 @@ impl MujocoRobot {
                 lowest = lowest.min(self.on_foot(side, corner)[2]);
             }
         }
-        self.data.qpos_mut()[q + 2] += self.binding.floor_m - lowest;
+        self.data.qpos_mut()[q + 2] += self.floor_m - lowest;
     }
 }
 
@@ -457,6 +481,7 @@ impl Robot for MujocoRobot {
         if self.has_laws {
             self.drive();
         }
+        self.settle_actuators();
         self.data.forward();
         self.warnings = [0; WARNINGS];
         if let Some(error) = self.new_warning() {
@@ -523,7 +548,7 @@ impl Robot for MujocoRobot {
 
     fn poses(&self, out: &mut Vec<Pose>) {
         out.clear();
-        let floor_m = self.binding.floor_m;
+        let floor_m = self.floor_m;
         let bodies = self.data.xpos().iter().zip(self.data.xquat());
         out.extend(bodies.map(|(&[x, y, z], &orientation)| Pose {
             position_m: [x, y, z - floor_m],
@@ -572,10 +597,23 @@ pub(crate) fn limits(
     config: &MujocoConfig,
     torque_nm: f64,
 ) -> JointLimits {
-    let [lower, upper] = match model.jnt_limited()[axis.joint] {
+    let [mut lower, mut upper] = match model.jnt_limited()[axis.joint] {
         true => model.jnt_range()[axis.joint],
         false => [-std::f64::consts::PI, std::f64::consts::PI],
     };
+    // What MuJoCo would cut off a servo's command is no part of the range.
+    if let Drive::Servo {
+        ctrl,
+        per_rad,
+        offset,
+        ..
+    } = axis.drive
+        && model.actuator_ctrllimited()[ctrl]
+    {
+        let ends = model.actuator_ctrlrange()[ctrl].map(|end| (end - offset) / per_rad);
+        lower = lower.max(ends[0].min(ends[1]));
+        upper = upper.min(ends[0].max(ends[1]));
+    }
     JointLimits {
         lower_rad: (axis.sign * lower).min(axis.sign * upper),
         upper_rad: (axis.sign * lower).max(axis.sign * upper),
