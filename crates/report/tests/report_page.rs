@@ -99,6 +99,20 @@ fn what_went_wrong_stands_at_the_top() {
         html.contains("the last line was cut off")
             && html.contains("Not in the run directory: summary.json")
     );
+    let dir = tempfile::tempdir().unwrap();
+    let faults = Faults {
+        killed: true,
+        ..Faults::default()
+    };
+    write_run(dir.path(), 1, faults);
+    let event =
+        r#"{"time":"2026-11-23T12:00:03Z","event":"stopped","reason":"4 falls, at most 3 < 4"}"#;
+    std::fs::write(dir.path().join("events.ndjson"), format!("{event}\n")).unwrap();
+    let stopped = [Run::read(dir.path()).unwrap()];
+    keep("stopped.html", &stopped);
+    assert!(report_html(&stopped).unwrap().contains(
+        "did not reach its end: it stopped at 2026-11-23T12:00:03Z: 4 falls, at most 3 &lt; 4. It left 27 strides"
+    ));
     let one = [run(
         1,
         Faults {

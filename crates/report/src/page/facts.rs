@@ -44,10 +44,18 @@ pub(super) fn remarks(run: &Run) -> String {
     let mut says: Vec<(bool, String)> = Vec::new();
     if !run.finished() {
         let last = run.transitions.last().map_or(0, |t| t.iteration);
+        let why = match &run.stopped {
+            Some(stop) => format!(
+                "it stopped at {}: {}.",
+                stop.time,
+                stop.reason.trim_end_matches('.')
+            ),
+            None => "it was killed, or it is still going.".to_owned(),
+        };
         says.push((
             true,
             format!(
-                "This run did not reach its end: it was killed, or it is still going. It left {} on the robot, the last of them in \
+                "This run did not reach its end: {why} It left {} on the robot, the last of them in \
                  iteration {last}. Everything below is what it had written by then.",
                 plural(run.transitions.len(), "stride")
             ),

@@ -55,6 +55,8 @@ pub struct Run {
     pub push: Option<Pushed>,
     /// `push-nominal.csv` with `push-nominal.json`: the nominal gait under the same pushes.
     pub push_nominal: Option<Pushed>,
+    /// Why the run stopped before its end, and when, as `events.ndjson` says; `None` if it does not.
+    pub stopped: Option<Stop>,
     /// Files that are not there.
     pub missing: Vec<String>,
     /// Files that are there and cannot be read, and why.
@@ -70,6 +72,38 @@ pub struct Pushed {
     pub after_1_deg: Vec<f64>,
     /// Lines, falls, setting.
     pub summary: PushSummary,
+}
+
+/// Why a run stopped before its end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stop {
+    /// Wall-clock time (RFC 3339).
+    pub time: String,
+    /// In the words of the command that stopped.
+    pub reason: String,
+}
+
+/// The reason in the last `stopped` of a run's events, unless the run went on or ended after it. Lines that
+/// cannot be read are passed over: a run may have been killed while it wrote one.
+fn stopped(events: &[u8]) -> Option<Stop> {
+    let mut stop = None;
+    for line in String::from_utf8_lossy(events).lines() {
+        let Ok(event) = serde_json::from_str::<serde_json::Value>(line) else {
+            continue;
+        };
+        let word = |key: &str| event.get(key).and_then(serde_json::Value::as_str);
+        match (word("event"), word("reason")) {
+            (Some("stopped"), Some(reason)) => {
+                stop = Some(Stop {
+                    time: word("time").unwrap_or_default().to_owned(),
+                    reason: reason.to_owned(),
+                });
+            }
+            (Some("resumed" | "end"), _) => stop = None,
+            _ => {}
+        }
+    }
+    stop
 }
 
 impl Run {
@@ -112,6 +146,9 @@ impl Run {
             run.missing.push("poses/".to_owned());
         }
         run.lapses = run.read_poses("lapse"); // Runs of earlier versions have none.
+        run.stopped = fs::read(run.dir.join("events.ndjson"))
+            .ok()
+            .and_then(|events| stopped(&events));
         if run.dir.join("push.csv").exists() {
             run.push = run.read_push("push");
         }
@@ -574,6 +611,25 @@ fn centres(text: &str, states: usize) -> Vec<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_reason_is_that_of_the_last_stop() {
+        let first = r#"{"format":1}
+{"time":"2026-01-01T00:00:00Z","event":"stopped","reason":"interrupted"}"#;
+        let again = r#"{"time":"2026-01-01T00:00:01Z","event":"resumed","strides":3}"#;
+        let last = r#"{"time":"2026-01-01T00:00:02Z","event":"stopped","reason":"the robot fell 4 times"}"#;
+        let of = |lines: &[&str]| stopped(lines.join("\n").as_bytes());
+        assert_eq!(of(&[first]).unwrap().reason, "interrupted");
+        assert_eq!(of(&[first, again]), None);
+        let torn = of(&[first, again, "\u{fffd}", last, "{\"time\":\"20"]);
+        assert_eq!(
+            torn,
+            Some(Stop {
+                time: "2026-01-01T00:00:02Z".into(),
+                reason: "the robot fell 4 times".into()
+            })
+        );
+    }
 
     #[test]
     fn centres_are_found_wherever_a_policy_keeps_them() {
