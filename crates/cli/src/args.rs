@@ -294,9 +294,9 @@ pub enum Command {
     Push {
         /// A run directory.
         run: PathBuf,
-        /// Largest lateral force on the torso, newtons.
-        #[arg(long, default_value_t = 40.0)]
-        force: f64,
+        /// Largest lateral force on the torso, newtons. Default: what gives the robot 0.04 m/s.
+        #[arg(long)]
+        force: Option<f64>,
         /// For how long each push acts, seconds.
         #[arg(long, default_value_t = 0.2)]
         duration: f64,

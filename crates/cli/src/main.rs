@@ -94,12 +94,8 @@ fn run(command: Command) -> Result<(), Failure> {
             out,
             common,
         } => {
-            let config = stridemap_lab::PushConfig {
-                force_n: force,
-                duration_s: duration,
-                strides,
-            };
-            commands::apply::push(&run, config, nominal, out.as_deref(), &common)
+            let of = |mass_kg| stridemap_lab::PushConfig::of(force, mass_kg, duration, strides);
+            commands::apply::push(&run, &of, nominal, out.as_deref(), &common)
         }
         Command::Analyse { run, common } => commands::apply::analyse(&run, &common),
         Command::Compare {

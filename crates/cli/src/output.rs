@@ -36,7 +36,7 @@ pub fn status(text: impl AsRef<str>) {
 }
 
 /// The text, or its beginning with an ellipsis if it is wider than a terminal of so many columns.
-fn fitted(text: &str, width: usize) -> String {
+pub(crate) fn fitted(text: &str, width: usize) -> String {
     let room = width.saturating_sub(1);
     if text.chars().count() <= room {
         return text.to_owned();

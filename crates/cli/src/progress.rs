@@ -1,9 +1,10 @@
-//! What the person who waits is shown, on stderr and only in a terminal: a live line, and a line that stays
-//! for each iteration.
+//! What the person who waits is shown, on stderr: in a terminal a live line, and a line that stays for each
+//! iteration; in a pipe a line every ten seconds.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use stridemap_lab::run::Watcher;
@@ -15,6 +16,8 @@ use crate::output;
 
 /// Least time between two live lines.
 const LIVE_EVERY: Duration = Duration::from_millis(100);
+/// Time between two lines where nobody sits at a terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// Whether a robot behind a link is at work.
 static ROBOT_AT_WORK: AtomicBool = AtomicBool::new(false);
@@ -79,39 +82,108 @@ fn expected_strides(task: &Task, done: usize, learned: usize) -> usize {
     strides + iterations * measured_strides(task, true) + 2 * measured_strides(task, false)
 }
 
-/// Shows one run in a terminal: a live line per stride and trial, a line that stays per iteration. In a pipe
-/// it says nothing: what happened is in the run directory.
+/// Says something every ten seconds, however long a stride or a fit takes, until it is dropped.
+struct Ticker(#[expect(dead_code, reason = "its end stops the thread")] Sender<()>);
+
+impl Ticker {
+    /// Begins to say `line`, where it has something to say.
+    fn start(line: impl Fn() -> Option<String> + Send + 'static) -> Self {
+        let (stop, stopped) = channel();
+        std::thread::spawn(move || {
+            while stopped.recv_timeout(LINE_EVERY) == Err(RecvTimeoutError::Timeout) {
+                if let Some(line) = line() {
+                    output::note(line);
+                }
+            }
+        });
+        Self(stop)
+    }
+}
+
+/// What a run is doing, and how far it is.
+struct State {
+    /// In words; empty before the first stride.
+    doing: String,
+    made: usize,
+    expected: usize,
+    started: Instant,
+}
+
+impl State {
+    /// The estimate first: a narrow terminal cuts the end.
+    fn line(&self) -> String {
+        format!("{}; {}", self.estimate(), self.doing)
+    }
+
+    fn estimate(&self) -> String {
+        let rate = self.made as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
+        if self.made == 0 {
+            return "estimating".into();
+        }
+        let left = self.expected.saturating_sub(self.made) as f64 / rate;
+        let digits = if rate < 10.0 { 1 } else { 0 };
+        format!("{} left, {rate:.digits$} strides/s", duration(left))
+    }
+}
+
+/// Shows one run: in a terminal a live line per stride and trial, a line that stays per iteration; in a pipe a
+/// line every ten seconds.
 pub struct RunProgress {
     live: bool,
     task: Task,
-    made: usize,
+    state: Arc<Mutex<State>>,
     learned: usize,
     iterations: usize,
-    started: Instant,
     last_live: Option<Instant>,
     falls: usize,
+    _ticker: Option<Ticker>,
 }
 
 impl RunProgress {
     /// A watcher of a run of this task.
     pub fn new(task: &Task) -> Self {
-        Self {
-            live: std::io::stderr().is_terminal(),
-            task: task.clone(),
+        let state = Arc::new(Mutex::new(State {
+            doing: String::new(),
             made: 0,
+            expected: expected_strides(task, 0, 0),
+            started: Instant::now(),
+        }));
+        let live = std::io::stderr().is_terminal();
+        let ticker = (!live).then(|| {
+            let state = Arc::clone(&state);
+            Ticker::start(move || {
+                let state = state.lock().unwrap_or_else(PoisonError::into_inner);
+                (!state.doing.is_empty()).then(|| state.line())
+            })
+        });
+        Self {
+            live,
+            task: task.clone(),
+            state,
             learned: 0,
             iterations: 0,
-            started: Instant::now(),
             last_live: None,
             falls: 0,
+            _ticker: ticker,
         }
     }
 
-    fn eta(&self) -> String {
-        let expected = expected_strides(&self.task, self.iterations, self.learned);
-        let rate = self.made as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
-        let left = expected.saturating_sub(self.made) as f64 / rate.max(1e-9);
-        format!("about {} left", duration(left))
+    /// Notes what is being done, `made` strides more than before, and shows it if it is time.
+    fn show(&mut self, made: usize, doing: String) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.made += made;
+        state.expected = expected_strides(&self.task, self.iterations, self.learned);
+        state.doing = doing;
+        let line = state.line();
+        drop(state);
+        if self.due() {
+            output::status(line);
+        }
+    }
+
+    fn estimate(&self) -> String {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.estimate()
     }
 
     /// Whether it is time for another live line.
@@ -141,7 +213,10 @@ impl RunProgress {
                 m.psi_roll_deg
             )
         } else {
-            format!("psi_roll {:+.2} deg", m.psi_roll_deg)
+            format!(
+                "psi_roll {:+.2} deg, reward {:+.4}",
+                m.psi_roll_deg, t.reward
+            )
         }
     }
 
@@ -153,8 +228,8 @@ impl RunProgress {
         }
     }
 
-    /// A measured policy in a few words.
-    fn measured(p: &Performance) -> String {
+    /// A measured policy in a few words: of a walk its speed, else its reward.
+    pub fn measured(p: &Performance) -> String {
         let falls = match p.falls {
             0 => "no falls".to_owned(),
             1 => "1 fall".to_owned(),
@@ -185,14 +260,10 @@ fn duration(seconds: f64) -> String {
 
 impl Watcher for RunProgress {
     fn stride(&mut self, t: &Transition, what: Option<&str>) {
-        self.made += 1;
         let learning = t.phase != StridePhase::Record;
         if learning {
             self.learned += 1;
             self.falls += usize::from(t.end != StrideEnd::Crossing);
-        }
-        if !self.due() {
-            return;
         }
         let doing = match (t.phase, what) {
             (StridePhase::Collect, _) => format!("iteration {}, collecting", t.iteration),
@@ -200,22 +271,24 @@ impl Watcher for RunProgress {
             (StridePhase::Record, what) => format!("measuring {}", what.unwrap_or("the policy")),
         };
         let count = if learning { self.learned } else { t.k + 1 };
-        output::status(format!(
-            "{doing}: stride {count}, {}, reward {:+.4}; falls {}; {}",
-            self.did(t),
-            t.reward,
-            self.falls,
-            self.eta()
-        ));
+        let did = self.did(t);
+        self.show(
+            1,
+            format!("{doing}: stride {count}, {did}; falls {}", self.falls),
+        );
     }
 
     fn trial(&mut self, iteration: usize, trial: &TrialSummary) {
-        if self.due() {
-            output::status(format!(
-                "iteration {iteration}, learning in the map: trial {}, mean reward {:+.4}",
-                trial.trial, trial.mean_reward
-            ));
-        }
+        let mean = if self.task.rewards_speed() {
+            format!("mean {:.3} m/s", trial.mean_reward)
+        } else {
+            format!("mean reward {:+.4}", trial.mean_reward)
+        };
+        let n = trial.trial;
+        self.show(
+            0,
+            format!("iteration {iteration}, learning in the map: trial {n}, {mean}"),
+        );
     }
 
     fn phase(&mut self, phase: Phase, progress: &Progress) {
@@ -244,7 +317,7 @@ impl Watcher for RunProgress {
                     self.learned,
                     self.falls,
                     Self::measured(p),
-                    self.eta()
+                    self.estimate()
                 ));
             }
             Phase::Final => {
@@ -268,36 +341,57 @@ fn verdict(verdict: Verdict) -> &'static str {
     }
 }
 
-/// Counts finished seeds.
+/// Counts finished seeds: a line for each in a terminal, one every ten seconds in a pipe.
 pub struct SeedProgress {
+    live: bool,
     total: usize,
-    done: AtomicUsize,
+    done: Arc<AtomicUsize>,
     started: Instant,
+    _ticker: Option<Ticker>,
 }
 
 impl SeedProgress {
     /// A counter for this many seeds.
     pub fn new(total: usize) -> Self {
+        let (done, started) = (Arc::new(AtomicUsize::new(0)), Instant::now());
+        let live = std::io::stderr().is_terminal();
+        let ticker = (!live).then(|| {
+            let done = Arc::clone(&done);
+            Ticker::start(move || Some(seeds_line(done.load(Ordering::Relaxed), total, started)))
+        });
         Self {
+            live,
             total,
-            done: AtomicUsize::new(0),
-            started: Instant::now(),
+            done,
+            started,
+            _ticker: ticker,
         }
     }
 
     /// One more seed is done.
     pub fn done(&self, text: &str) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        let elapsed = self.started.elapsed().as_secs_f64();
-        let left = elapsed / done as f64 * (self.total - done.min(self.total)) as f64;
-        if std::io::stderr().is_terminal() {
+        if self.live {
             output::note(format!(
-                "[{done}/{}] {text} (about {} left)",
-                self.total,
-                duration(left)
+                "{}; {text}",
+                seeds_line(done, self.total, self.started)
             ));
         }
     }
+}
+
+/// How many seeds are done, how fast, and how long the rest may take.
+fn seeds_line(done: usize, total: usize, started: Instant) -> String {
+    if done == 0 {
+        return format!("[0/{total}] estimating");
+    }
+    let each_s = started.elapsed().as_secs_f64() / done as f64;
+    let left = each_s * (total - done.min(total)) as f64;
+    format!(
+        "[{done}/{total}] {} left, {:.1} seeds/min",
+        duration(left),
+        60.0 / each_s.max(1e-9)
+    )
 }
 
 #[cfg(test)]
@@ -314,6 +408,22 @@ mod tests {
         // walking: 100 and proofs of 60 up to 300 strides; 60 s, about 109 strides, for each policy.
         let task = stridemap_lab::builtin::load("walking", &[]).unwrap().task;
         assert_eq!(expected_strides(&task, 0, 0), 300 + 4 * 109 + 2 * 109);
+    }
+
+    #[test]
+    fn a_line_begins_with_its_estimate() {
+        let state = State {
+            doing: "iteration 1, collecting: stride 12".into(),
+            made: 30,
+            expected: 280,
+            started: Instant::now().checked_sub(Duration::from_secs(15)).unwrap(),
+        };
+        let line = state.line();
+        assert!(
+            line.starts_with("2 min 05 s left, 2.0 strides/s; iteration 1"),
+            "{line}"
+        );
+        assert!(output::fitted(&line, 20).starts_with("2 min 05 s left,"));
     }
 
     #[test]

@@ -49,9 +49,6 @@ pub struct LoadedTask {
 impl LoadedTask {
     /// The task with another learner.
     ///
-    /// (Not an override of `learner.kind`: to the loader a table with another `kind` is another table,
-    /// and the parameters beside it would be gone.)
-    ///
     /// # Errors
     ///
     /// [`LabError::Invalid`] if the task lacks what that learner needs; [`LabError::Config`] if the
@@ -235,6 +232,47 @@ mod tests {
             error.is_request() && error.to_string().contains("--controls"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_named_kind_keeps_the_learner_and_unused_learners_are_not_checked() {
+        let walking = load("walking", &[]).unwrap().task;
+        let constant = load("walking", &["learner.kind=constant".into()]);
+        let mut constant = constant.unwrap().task;
+        assert_eq!(constant.learner.kind, LearnerKind::Constant);
+        constant.learner.kind = walking.learner.kind;
+        assert_eq!(constant, walking);
+        // Another state needs other widths of the actor-critic, where that is the learner.
+        let sets = |kind: &str| {
+            let state = "state=[\"psi_roll_deg\", \"gait_phase_deg\"]";
+            let map = [
+                "map.state_range=[[-9, 9], [-180, 180]]",
+                "map.start_range=[[0, 1], [0, 1]]",
+            ];
+            let sees = "learner.search.feedback.sees=[[\"psi_roll_deg\"], [\"gait_phase_deg\"]]";
+            let kind = format!("learner.kind={kind}");
+            [state, map[0], map[1], sees, &kind].map(String::from)
+        };
+        load("walking", &sets("search")).unwrap();
+        let error = load("walking", &sets("actor_critic"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("learner.actor_critic.basis_widths"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_gait_outside_of_the_bounds_of_its_own_action_is_refused() {
+        let error = load("walking", &["gait.amplitude_deg.pitch=3".into()]).unwrap_err();
+        let text = error.to_string();
+        assert!(error.is_request(), "{error:?}");
+        assert!(
+            text.starts_with("--set gait.amplitude_deg.pitch=3"),
+            "{text}"
+        );
+        assert!(text.contains("action.3.bounds = [6, 11]"), "{text}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
-use stridemap_returnmap::StrideEnd;
+use stridemap_returnmap::{ProcessError, StrideEnd};
 use stridemap_robot::{Robot, Side};
 
 use crate::error::LabError;
@@ -146,6 +146,19 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
     Ok(report)
 }
 
+/// What to try where the nominal gait does not carry the robot.
+const TRY: &str = "try other amplitudes, rest posture or servo gains";
+
+/// An error of the plant as `check` says it: not by sending the user to `check`.
+fn in_check(error: &ProcessError) -> String {
+    if let ProcessError::World(cause) = error
+        && let Some(LabError::NominalGaitFails { attempts, time_s }) = cause.downcast_ref()
+    {
+        return format!("fell or stalled in {attempts} starts (the last at {time_s:.1} s); {TRY}");
+    }
+    error.to_string()
+}
+
 /// The nominal gait steps, and every step shows a section.
 fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<bool, LabError> {
     let mut plant = task.plant()?;
@@ -196,17 +209,14 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
     match result {
         Ok(_) | Err(LabError::TooFewStrides { .. }) => {}
         Err(LabError::Process(error)) => {
-            report.item("nominal gait", false, error.to_string());
+            report.item("nominal gait", false, in_check(&error));
             return Ok(false);
         }
         Err(error) => return Err(error),
     }
     let found = match fallen {
         None => format!("steps for {NOMINAL_S} s"),
-        Some((time_s, end)) => format!(
-            "{} after {time_s:.1} s; try other amplitudes, rest posture or servo gains",
-            end.name()
-        ),
+        Some((time_s, end)) => format!("{} after {time_s:.1} s; {TRY}", end.name()),
     };
     if !report.item("nominal gait", fallen.is_none(), found) {
         return Ok(false);
@@ -258,7 +268,15 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
         &mut rng,
         &mut |_, _| {},
         &mut |_| Ok(()),
-    )?;
+    );
+    let transitions = match transitions {
+        Ok(transitions) => transitions,
+        Err(LabError::Process(error)) => {
+            report.item("section map", false, in_check(&error));
+            return Ok(());
+        }
+        Err(error) => return Err(error),
+    };
     let falls = transitions
         .iter()
         .filter(|t| t.end != StrideEnd::Crossing)

@@ -46,6 +46,7 @@ mod samples;
 pub mod seed;
 mod steering;
 mod strides;
+mod success;
 mod task;
 mod trust;
 mod truth;
@@ -77,7 +78,7 @@ pub use plant::{
 pub use poses::{Pace, PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::Provenance;
-pub use push::{PushConfig, PushOutcome, PushPair, push};
+pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, PushOutcome, PushPair, push};
 pub use return_line::ReturnMapLine;
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
 pub use robots::RobotChoice;
@@ -87,9 +88,10 @@ pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,
     make_strides,
 };
+pub use success::SuccessConfig;
 pub use task::{
     ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, LearnerKind,
-    RecordConfig, SearchSettings, SuccessConfig, Task,
+    RecordConfig, SearchSettings, Task,
 };
 pub use trust::{Region, TrustConfig};
 pub use walk::{Walk, WalkTimes, Walker};

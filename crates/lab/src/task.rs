@@ -17,7 +17,7 @@ use crate::feedback::JacobianFeedbackConfig;
 use crate::integral::IntegralConfig;
 use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
 use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
-use crate::strides::Performance;
+use crate::success::SuccessConfig;
 use crate::walk::WalkTimes;
 
 /// One component of the action.
@@ -34,6 +34,17 @@ pub struct ActionConfig {
     /// Share of the way to the wanted value that is gone in one stride, in (0, 1].
     #[serde(default = "one")]
     pub gain: f64,
+}
+
+/// Where a task says the value that a modulation has in the nominal gait; `None` for one that is zero there.
+fn gait_key(modulation: &str) -> Option<&'static str> {
+    match modulation {
+        "walk_amplitude_deg" => Some("gait.amplitude_deg.walk"),
+        "roll_amplitude_deg" => Some("gait.amplitude_deg.hip_roll"),
+        "pitch_amplitude_deg" => Some("gait.amplitude_deg.pitch"),
+        "natural_frequency_rad_s" => Some("gait.natural_frequency_rad_s"),
+        _ => None,
+    }
 }
 
 const fn one() -> f64 {
@@ -217,26 +228,6 @@ impl RecordConfig {
     }
 }
 
-/// When a run counts as a success, in the summary over seeds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SuccessConfig {
-    /// Least mean reward of the final policy.
-    pub mean_reward_at_least: f64,
-    /// Largest deviation of the final policy's mean `ψ_roll` from the target of the reward; left out
-    /// where the reward has no target.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub psi_roll_within_deg: Option<f64>,
-    /// Least speed on the ground of the final policy, upright to the end; left out where it is not
-    /// measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub speed_m_s_at_least: Option<f64>,
-    /// Most falls on the robot while learning.
-    pub falls_at_most: usize,
-    /// Most training and evaluation strides.
-    pub strides_at_most: usize,
-}
-
 /// A task, resolved: every value known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -284,28 +275,6 @@ impl Task {
     #[must_use]
     pub fn target_deg(&self) -> Option<f64> {
         self.reward.iter().find_map(|term| term.target_deg)
-    }
-
-    /// Whether a measured policy, found with these strides and falls on the robot, is a success.
-    #[must_use]
-    pub fn is_success(&self, measured: &Performance, strides: usize, falls: usize) -> bool {
-        let s = &self.success;
-        let on_target = match (s.psi_roll_within_deg, self.target_deg()) {
-            (Some(within), Some(target)) => (measured.mean_psi_roll_deg - target).abs() <= within,
-            _ => true,
-        };
-        let fast = match (s.speed_m_s_at_least, measured.walk) {
-            // A walk that does not fall (below) or stall goes on for as long as it was asked to.
-            (Some(least), Some(walk)) => walk.speed_m_s >= least && measured.stalls == 0,
-            (Some(_), None) => false,
-            (None, _) => true,
-        };
-        measured.mean_reward >= s.mean_reward_at_least
-            && on_target
-            && fast
-            && measured.falls == 0
-            && falls <= s.falls_at_most
-            && strides <= s.strides_at_most
     }
 
     /// Checks what the types cannot, first fault first.
@@ -377,6 +346,7 @@ impl Task {
             }
         }
         let (n, m) = (self.state.len(), self.action.len());
+        let actor_critic = self.learner.kind == LearnerKind::ActorCritic;
         let explore = &self.collect.explore;
         for (key, found, expected, what) in [
             (
@@ -410,7 +380,8 @@ impl Task {
                 "component of the action",
             ),
         ] {
-            if found != expected {
+            // A learner that is not chosen may have been left to what the task stands on.
+            if found != expected && (actor_critic || !key.starts_with("learner.")) {
                 return invalid(
                     key.into(),
                     format!("has {found} entries, needs one per {what}: {expected}"),
@@ -503,7 +474,9 @@ impl Task {
             );
         }
         self.map_config().validate(n, m)?;
-        self.learner.actor_critic.validate()?;
+        if actor_critic {
+            self.learner.actor_critic.validate()?;
+        }
         Ok(())
     }
 
@@ -668,6 +641,18 @@ impl Task {
                     ),
                 ));
             }
+            if !(lower..=upper).contains(&m.neutral) {
+                let own = gait_key(m.name).unwrap_or(m.name);
+                return Err(invalid(
+                    gait_key(m.name).map_or_else(|| format!("action.{i}.bounds"), str::to_owned),
+                    format!(
+                        "{own} = {} lies outside of action.{i}.bounds = [{lower}, {upper}] of {}, so the nominal \
+                         gait would be another one; widen the bounds (an [[action]] list of your own takes the \
+                         place of an inherited one) or change the gait",
+                        m.neutral, m.name
+                    ),
+                ));
+            }
             if action
                 .rate_per_stride
                 .is_some_and(|r| r.is_nan() || r <= 0.0)
@@ -690,7 +675,7 @@ impl Task {
                     upper,
                     rate_per_stride: action.rate_per_stride.unwrap_or(f64::INFINITY),
                     gain: action.gain,
-                    neutral: m.neutral.clamp(lower, upper),
+                    neutral: m.neutral,
                 },
             });
         }

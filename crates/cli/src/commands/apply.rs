@@ -122,9 +122,13 @@ pub fn evaluate(
             shown.policy, walk.speed_m_s, walk.upright_s, walk.drift_m, walk.heading_change_deg
         ));
     }
+    let reward = match p.walk {
+        Some(_) => String::new(),
+        None => format!("reward {:+.4}, ", p.mean_reward),
+    };
     output::line(format!(
-        "{} policy: reward {:+.4}, psi_roll {:.2} deg, {} falls, {} stalls in {} strides",
-        shown.policy, p.mean_reward, p.mean_psi_roll_deg, p.falls, p.stalls, p.strides
+        "{} policy: {reward}psi_roll {:.2} deg, {} falls, {} stalls in {} strides",
+        shown.policy, p.mean_psi_roll_deg, p.falls, p.stalls, p.strides
     ));
     Ok(())
 }
@@ -228,14 +232,17 @@ pub fn run(
     if common.json {
         return output::json(&shown);
     }
+    let gain = match task.record.walk_s {
+        Some(_) => format!("{:.3} m/s", shown.speed_m_s),
+        None => format!("reward {:+.4}", shown.mean_reward),
+    };
     output::line(format!(
-        "upright for {:.1} of {seconds} s: {} strides of {:.3} s, psi_roll {:.2} deg, reward {:+.4}, {} \
-         falls, {} stalls; {:+.2} m forward, {:+.2} m to the left",
+        "upright for {:.1} of {seconds} s: {gain}, {} strides of {:.3} s, psi_roll {:.2} deg, {} falls, {} \
+         stalls; {:+.2} m forward, {:+.2} m to the left",
         shown.upright_s,
         shown.strides,
         shown.stride_duration_s,
         shown.mean_psi_roll_deg,
-        shown.mean_reward,
         shown.falls,
         shown.stalls,
         shown.forward_m,
@@ -319,15 +326,16 @@ pub fn push_table(outcome: &PushOutcome) -> String {
     text
 }
 
-/// Pushes the robot and fits its return map.
+/// Pushes the robot, as hard as `of` its mass in kg says, and fits its return map.
 pub fn push(
     path: &Path,
-    config: PushConfig,
+    of: &dyn Fn(f64) -> PushConfig,
     nominal: bool,
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
     let positive = |x: f64| x.is_finite() && x > 0.0;
+    let config = of(1.0); // of any mass: what the user typed is looked at before a robot is built
     if !(positive(config.force_n) && positive(config.duration_s) && config.strides > 0) {
         return Err(Failure::request(
             "--force, --duration and --strides must be positive",
@@ -337,6 +345,7 @@ pub fn push(
     let doing = Doing::apply(format!("be pushed in {} strides", config.strides), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
+    let config = of(plant.robot().description().mass_kg);
     // Pushes of another robot than the run's own are not part of the run.
     let into_run = common.sets.is_empty().then_some(path);
     let film = film(&mut plant, &task);
@@ -366,10 +375,13 @@ pub fn push(
     }
     let number = |x: Option<f64>| x.map_or("undefined".into(), |x| format!("{x:.3}"));
     output::line(format!(
-        "return map psi_roll(k) -> psi_roll(k+2) under pushes of up to {} N for {} s: slope {} (+- {}), \
-         fixed point {} deg, {} falls, {} pairs",
+        "pushes of up to {:.3} N for {} s: impulse {:.3} N s, velocity change {:.3} m/s\n\
+         return map psi_roll(k) -> psi_roll(k+2) under them: slope {} (+- {}), fixed point {} deg, {} falls, \
+         {} pairs",
         outcome.force_n,
         outcome.duration_s,
+        outcome.impulse_n_s,
+        outcome.velocity_change_m_s,
         number(outcome.slope),
         number(outcome.slope_std_error),
         number(outcome.fixed_point_deg),

@@ -45,9 +45,8 @@ pub fn learn(
         None => {
             let path = run_path(out, &loaded.task, common.seed);
             let watcher = Box::new(RunProgress::new(&loaded.task));
-            let summary = start(name, &loaded, &path, common, &stop_flag(), watcher)?;
-            super::report::draw(&path)?;
-            show(&loaded.task, &summary, &path, common.json)
+            let result = start(name, &loaded, &path, common, &stop_flag(), watcher);
+            finished(&loaded.task, result, &path, common.json)
         }
         Some(0) => Err(Failure::request("--seeds must be at least 1")),
         Some(count) => over_seeds(name, &loaded, out, count, common),
@@ -115,9 +114,27 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
     }
     let run = FinishedRun::open(path, &[])?;
     let watcher = Box::new(RunProgress::new(&run.task));
-    let summary = go_on(&run, common, &stop_flag(), watcher)?;
+    let result = go_on(&run, common, &stop_flag(), watcher);
+    finished(&run.task, result, path, common.json)
+}
+
+/// Draws the page of a run, of one that failed as well, and shows what it achieved.
+fn finished(
+    task: &Task,
+    result: Result<Summary, Failure>,
+    path: &Path,
+    json: bool,
+) -> Result<(), Failure> {
+    let working = matches!(result, Err(Failure::Working(_)));
+    if working && path.join("transitions.csv").exists() {
+        // The failure is the one to tell, whatever becomes of its page.
+        if let Ok(page) = super::report::draw(path) {
+            output::note(format!("what was gathered: {}", page.display()));
+        }
+    }
+    let summary = result?;
     super::report::draw(path)?;
-    show(&run.task, &summary, path, common.json)
+    show(task, &summary, path, json)
 }
 
 /// Runs what is missing of a run.
@@ -155,9 +172,16 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
     let falls: usize = summary.iterations.iter().map(|i| i.falls).sum();
     output::line(format!("{} (seed {})", task.name, summary.seed));
     let row = |name: &str, p: &Performance| {
+        let gain = match p.walk {
+            Some(walk) => format!(
+                "{:.3} m/s   upright {:.0} s",
+                walk.speed_m_s, walk.upright_s
+            ),
+            None => format!("reward {:+.4}", p.mean_reward),
+        };
         output::line(format!(
-            "  {name:<8} reward {:+.4}   psi_roll {:.2} deg   {} falls in {} strides",
-            p.mean_reward, p.mean_psi_roll_deg, p.falls, p.strides
+            "  {name:<8} {gain}   psi_roll {:.2} deg   {} falls in {} strides",
+            p.mean_psi_roll_deg, p.falls, p.strides
         ));
     };
     if let Some(nominal) = &summary.nominal {
@@ -165,10 +189,11 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
     }
     if let Some(policy) = &summary.final_policy {
         row("final", &policy.performance);
-        let verdict = if task.is_success(&policy.performance, strides, falls) {
-            "success"
+        let lacks = task.shortfalls(&policy.performance, strides, falls);
+        let verdict = if lacks.is_empty() {
+            "success".into()
         } else {
-            "below what the task calls a success"
+            format!("below what the task calls a success: {}", lacks.join("; "))
         };
         output::line(format!(
             "  learned from {strides} strides on the robot with {falls} falls: {verdict}"
@@ -190,6 +215,8 @@ struct SuccessAt {
     successes: usize,
     seeds: usize,
     median_mean_reward: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    median_speed_m_s: Option<f64>,
 }
 
 /// `learn --seeds`: the summary over seeds.
@@ -202,6 +229,10 @@ struct SeedsSummary {
     median_mean_reward: f64,
     worst_mean_reward: f64,
     median_psi_roll_deg: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    median_speed_m_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    worst_speed_m_s: Option<f64>,
     falls_while_learning: usize,
     falls_in_final: usize,
     strides_per_run: usize,
@@ -259,9 +290,11 @@ fn over_seeds(
             .and_then(|summary| super::report::draw(&path).map(|_| summary));
         match &result {
             Ok(s) => progress.done(&format!(
-                "seed {seed}: reward {:+.4}",
-                s.final_policy
-                    .map_or(f64::NAN, |f| f.performance.mean_reward)
+                "seed {seed}: {}",
+                s.final_policy.map_or_else(
+                    || "no policy".into(),
+                    |f| RunProgress::measured(&f.performance)
+                )
             )),
             Err(failure) => progress.done(&format!("seed {seed}: {}", failure.error())),
         }
@@ -279,14 +312,19 @@ fn over_seeds(
     if common.json {
         return output::json(&summary);
     }
+    let gain = match (summary.median_speed_m_s, summary.worst_speed_m_s) {
+        (Some(median), Some(worst)) => format!("median {median:.3} m/s, worst {worst:.3}"),
+        _ => format!(
+            "reward median {:+.5}, worst {:+.5}",
+            summary.median_mean_reward, summary.worst_mean_reward
+        ),
+    };
     output::line(format!(
-        "{}: {} of {} seeds succeed; reward median {:+.5}, worst {:+.5}; psi_roll median {:.3} deg; \
-         {} falls while learning, {} in final; {} strides a run",
+        "{}: {} of {} seeds succeed; {gain}; psi_roll median {:.3} deg; {} falls while learning, {} in final; \
+         {} strides a run",
         summary.experiment,
         summary.successes,
         summary.seeds,
-        summary.median_mean_reward,
-        summary.worst_mean_reward,
         summary.median_psi_roll_deg,
         summary.falls_while_learning,
         summary.falls_in_final,
@@ -297,12 +335,15 @@ fn over_seeds(
     }
     for at in &summary.success_against_strides {
         output::line(format!(
-            "  after {:>3} strides: {:>3} of {} ({:.0} %), median reward {:+.5}",
+            "  after {:>3} strides: {:>3} of {} ({:.0} %), median {}",
             at.strides,
             at.successes,
             at.seeds,
             100.0 * at.successes as f64 / at.seeds as f64,
-            at.median_mean_reward
+            match at.median_speed_m_s {
+                Some(speed) => format!("{speed:.3} m/s"),
+                None => format!("reward {:+.5}", at.median_mean_reward),
+            }
         ));
     }
     output::line(format!("  {}", page.display()));
@@ -322,16 +363,22 @@ fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
     };
     let rewards: Vec<f64> = finals.iter().map(|p| p.mean_reward).collect();
     let psis: Vec<f64> = finals.iter().map(|p| p.mean_psi_roll_deg).collect();
+    let speeds: Vec<f64> = finals
+        .iter()
+        .filter_map(|p| Some(p.walk?.speed_m_s))
+        .collect();
     let iterations = runs.iter().map(|s| s.iterations.len()).max().unwrap_or(0);
     let success_against_strides = (0..iterations)
         .map(|i| {
             let at: Vec<_> = runs.iter().filter_map(|s| s.iterations.get(i)).collect();
             let measured: Vec<f64> = at.iter().filter_map(|i| i.mean_reward).collect();
+            let speeds: Vec<f64> = at.iter().filter_map(|i| i.speed_m_s).collect();
             SuccessAt {
                 strides: at.iter().map(|i| i.strides_so_far).max().unwrap_or(0),
                 successes: at.iter().filter(|i| i.success).count(),
                 seeds: at.len(),
                 median_mean_reward: median(&measured),
+                median_speed_m_s: (!speeds.is_empty()).then(|| median(&speeds)),
             }
         })
         .collect();
@@ -347,6 +394,8 @@ fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
         median_mean_reward: median(&rewards),
         worst_mean_reward: rewards.iter().copied().fold(f64::INFINITY, f64::min),
         median_psi_roll_deg: median(&psis),
+        median_speed_m_s: (!speeds.is_empty()).then(|| median(&speeds)),
+        worst_speed_m_s: speeds.iter().copied().reduce(f64::min),
         falls_while_learning: runs.iter().map(falls).sum(),
         falls_in_final: finals.iter().map(|p| p.falls).sum(),
         strides_per_run: runs.iter().map(strides).max().unwrap_or(0),

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
-use stridemap_lab::{Algorithm, Performance, Phase, Progress, builtin, fit_map};
-use stridemap_returnmap::{LearnedMap, SavedMap};
+use stridemap_lab::{Algorithm, Performance, Phase, Progress, Task, builtin, fit_map};
+use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
 use super::beside::Doing;
 use super::{linked, provenance, run_path};
@@ -45,7 +45,7 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
             )));
         }
         algorithm.collect(&mut directory)?;
-        return show_batch(&algorithm, &mut directory, common.json);
+        return show_batch(&task, &algorithm, &mut directory, common.json);
     }
     let loaded =
         builtin::load(task_or_run, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
@@ -63,7 +63,7 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         Some(&path),
     )?;
     algorithm.collect(&mut directory)?;
-    show_batch(&algorithm, &mut directory, common.json)
+    show_batch(task, &algorithm, &mut directory, common.json)
 }
 
 /// Makes strides from a robot's log.
@@ -104,6 +104,7 @@ struct BatchShown {
 }
 
 fn show_batch(
+    task: &Task,
     algorithm: &Algorithm<'_>,
     directory: &mut RunDirectory,
     json: bool,
@@ -124,9 +125,16 @@ fn show_batch(
     if json {
         return output::json(&shown);
     }
+    let crossed = || batch.iter().filter(|t| t.end == StrideEnd::Crossing);
+    let seconds: f64 = crossed().map(|t| t.measures.duration_s).sum();
+    let forward_m: f64 = crossed().map(|t| t.measures.forward_m).sum();
+    let gain = match task.record.walk_s {
+        Some(_) if seconds > 0.0 => format!("mean {:.3} m/s", forward_m / seconds),
+        _ => format!("mean reward {:+.4}", shown.performance.mean_reward),
+    };
     output::line(format!(
-        "{}: batch {iteration}, {} strides, {} falls, mean reward {:+.4}\n  next: stridemap improve {}",
-        shown.run, shown.strides, shown.performance.falls, shown.performance.mean_reward, shown.run
+        "{}: batch {iteration}, {} strides, {} falls, {gain}\n  next: stridemap improve {}",
+        shown.run, shown.strides, shown.performance.falls, shown.run
     ));
     Ok(())
 }

@@ -16,12 +16,12 @@ pub(super) const EXTENDS: &str = "extends";
 
 /// Lays `child` over `parent`.
 ///
-/// Tables merge key by key, except that a table with another `kind` replaces the parent's whole:
-/// the keys of one kind are not those of another. Everything else replaces.
+/// Tables merge key by key, also under another `kind`: what a user did not name must not change. Everything
+/// else replaces.
 pub(super) fn merge(parent: &mut Node, child: Node) {
     let origin = child.origin;
     match (&mut parent.content, child.content) {
-        (Content::Table(below), Content::Table(above)) if !kind_differs(below, &above) => {
+        (Content::Table(below), Content::Table(above)) => {
             for entry in above.entries {
                 match below.get_mut(&entry.key) {
                     Some(twin) => {
@@ -35,13 +35,6 @@ pub(super) fn merge(parent: &mut Node, child: Node) {
         (content, above) => *content = above,
     }
     parent.origin = origin;
-}
-
-fn kind_differs(below: &Table, above: &Table) -> bool {
-    match (below.get(KIND), above.get(KIND)) {
-        (Some(below), Some(above)) => !below.value.same_value(&above.value),
-        _ => false,
-    }
 }
 
 /// Lays one `KEY=VALUE` over a document.
@@ -119,13 +112,6 @@ fn put(
                     return put(&mut entry.value, path, depth + 1, value, origin);
                 }
                 entry.key_origin = origin.clone();
-                if segment == KIND && !entry.value.same_value(&value) {
-                    table.entries.retain(|entry| entry.key == KIND);
-                    if let Some(entry) = table.get_mut(KIND) {
-                        entry.value = value;
-                    }
-                    return Ok(());
-                }
                 merge(&mut entry.value, value);
                 return Ok(());
             }

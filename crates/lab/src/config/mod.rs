@@ -69,8 +69,7 @@
 //!
 //! # What one layer does to the one below
 //!
-//! Tables merge key by key; scalars and arrays (of tables too) replace. A table whose `kind`
-//! differs replaces the one below as a whole, since the keys of one kind are not those of another.
+//! Tables merge key by key, also where their `kind` differs; scalars and arrays (of tables too) replace.
 
 mod deserialize;
 mod document;

@@ -24,29 +24,20 @@ fn child_is_laid_over_its_parent() {
 }
 
 #[test]
-fn another_kind_replaces_the_whole_table() {
+fn another_kind_keeps_the_other_keys() {
     let parent = "[map]\nkind = \"gp\"\nsamples = 60";
-    let same = "extends = \"parent\"\n[map]\nkind = \"gp\"\nsample = \"mean\"";
     let other = "extends = \"parent\"\n[map]\nkind = \"linear\"\nridge = 1.0";
-    let tasks = [("parent", parent), ("same", same), ("other", other)];
+    let tasks = [("parent", parent), ("other", other)];
     let text = |name: &str, arguments: &[&str]| {
         Document::load(name, &sets(arguments), files(&tasks))
             .unwrap()
             .to_toml()
     };
-    let linear = "[map]\nkind = \"linear\"\nridge = 1.0\n";
-    assert_eq!(
-        text("same", &[]),
-        "[map]\nkind = \"gp\"\nsamples = 60\nsample = \"mean\"\n"
-    );
+    let linear = "[map]\nkind = \"linear\"\nsamples = 60\nridge = 1.0\n";
     assert_eq!(text("other", &[]), linear);
     assert_eq!(
         text("parent", &["map.kind=linear", "map.ridge=1.0"]),
         linear
-    );
-    assert_eq!(
-        text("parent", &["map.kind=gp"]),
-        "[map]\nkind = \"gp\"\nsamples = 60\n"
     );
 }
 

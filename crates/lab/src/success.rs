@@ -1,0 +1,117 @@
+//! When a run counts as a success, and what it lacks.
+
+use serde::{Deserialize, Serialize};
+
+use crate::reward::{RewardQuantity, RewardTerm};
+use crate::strides::Performance;
+use crate::task::Task;
+
+/// When a run counts as a success, in the summary over seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SuccessConfig {
+    /// Least mean reward of the final policy.
+    pub mean_reward_at_least: f64,
+    /// Largest deviation of the final policy's mean `ψ_roll` from the target of the reward; left out
+    /// where the reward has no target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi_roll_within_deg: Option<f64>,
+    /// Least speed on the ground of the final policy, upright to the end; left out where it is not
+    /// measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_m_s_at_least: Option<f64>,
+    /// Most falls on the robot while learning.
+    pub falls_at_most: usize,
+    /// Most training and evaluation strides.
+    pub strides_at_most: usize,
+}
+
+impl Task {
+    /// Whether the reward is the speed and nothing else, so that it reads in m/s.
+    #[must_use]
+    pub fn rewards_speed(&self) -> bool {
+        matches!(
+            self.reward[..],
+            [RewardTerm { quantity: RewardQuantity::SpeedMS, weight, .. }] if (weight - 1.0).abs() < 1e-12
+        )
+    }
+
+    /// Whether a measured policy, found with these strides and falls on the robot, is a success.
+    #[must_use]
+    pub fn is_success(&self, measured: &Performance, strides: usize, falls: usize) -> bool {
+        self.shortfalls(measured, strides, falls).is_empty()
+    }
+
+    /// What a measured policy, found with these strides and falls on the robot, lacks of a success: each
+    /// criterion with its value and limit, in words.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_lab::{Performance, builtin};
+    ///
+    /// let task = builtin::load("stepping", &[])?.task;
+    /// let measured = Performance { mean_psi_roll_deg: 2.5, ..Performance::of(&[], 0) };
+    /// assert_eq!(
+    ///     task.shortfalls(&Performance { mean_reward: 0.0, ..measured }, 60, 0),
+    ///     ["psi_roll is 0.50 deg from its target of 2, at most 0.12 (psi_roll_within_deg)"]
+    /// );
+    /// # Ok::<(), stridemap_lab::LabError>(())
+    /// ```
+    #[must_use]
+    pub fn shortfalls(&self, measured: &Performance, strides: usize, falls: usize) -> Vec<String> {
+        let s = &self.success;
+        let mut lacks = Vec::new();
+        let least = s.mean_reward_at_least;
+        // (A mean that is not a number is no success.)
+        if measured.mean_reward.is_nan() || measured.mean_reward < least {
+            lacks.push(format!(
+                "mean reward is {:+.5}, at least {least} (mean_reward_at_least)",
+                measured.mean_reward
+            ));
+        }
+        if let (Some(within), Some(target)) = (s.psi_roll_within_deg, self.target_deg()) {
+            let off = (measured.mean_psi_roll_deg - target).abs();
+            if off.is_nan() || off > within {
+                lacks.push(format!(
+                    "psi_roll is {off:.2} deg from its target of {target}, at most {within} (psi_roll_within_deg)"
+                ));
+            }
+        }
+        match (s.speed_m_s_at_least, measured.walk) {
+            (Some(least), Some(walk)) if walk.speed_m_s.is_nan() || walk.speed_m_s < least => {
+                lacks.push(format!(
+                    "speed is {:.3} m/s, at least {least} (speed_m_s_at_least)",
+                    walk.speed_m_s
+                ));
+            }
+            // A walk that does not fall (below) or stall goes on for as long as it was asked to.
+            (Some(_), Some(_)) if measured.stalls > 0 => {
+                lacks.push(format!("{} stalls while measured, at most 0", measured.stalls));
+            }
+            (Some(least), None) => lacks.push(format!(
+                "no speed is measured, at least {least} m/s (speed_m_s_at_least); give record.walk_s"
+            )),
+            _ => {}
+        }
+        if measured.falls > 0 {
+            lacks.push(format!(
+                "{} falls while measured, at most 0",
+                measured.falls
+            ));
+        }
+        if falls > s.falls_at_most {
+            let most = s.falls_at_most;
+            lacks.push(format!(
+                "{falls} falls while learning, at most {most} (falls_at_most)"
+            ));
+        }
+        if strides > s.strides_at_most {
+            let most = s.strides_at_most;
+            lacks.push(format!(
+                "{strides} strides on the robot, at most {most} (strides_at_most)"
+            ));
+        }
+        lacks
+    }
+}
