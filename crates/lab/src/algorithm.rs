@@ -12,7 +12,7 @@
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use stridemap_learn::{ActorCritic, ConstantPolicy, Learner, SavedPolicy, TrialSummary};
+use stridemap_learn::{ActorCritic, Learner, SavedPolicy, TrialSummary};
 use stridemap_returnmap::{
     LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess,
 };
@@ -83,6 +83,9 @@ pub struct Iteration {
     pub warnings: Vec<GuardWarning>,
     /// The policy as measured on the robot to report.
     pub record: Option<Performance>,
+    /// The policy as measured to be final, if that did not beat the nominal gait: it is not handed out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rejected: Option<Performance>,
 }
 
 /// What a run has come to.
@@ -106,46 +109,6 @@ pub struct Progress {
     pub seconds: Seconds,
     /// Time spent in all, files and figures' data included.
     pub total_seconds: f64,
-}
-
-impl Progress {
-    /// What became of each policy, in their order; empty without caution.
-    #[must_use]
-    pub fn proofs(&self) -> Vec<&Proof> {
-        let proofs = self.iterations.iter().map_while(|i| i.proof.as_ref());
-        proofs.take(self.policies.len()).collect()
-    }
-
-    /// Index of the best policy: the fastest proven one; without proofs the best evaluated one, the
-    /// earlier of equals; without evaluations the last. `None` before the first improvement.
-    #[must_use]
-    pub fn best(&self) -> Option<usize> {
-        if let Some(chosen) = Proof::choice(&self.proofs()) {
-            return Some(chosen);
-        }
-        let evaluated = self.policies.iter().enumerate().filter_map(|(i, _)| {
-            let performance = self.iterations.get(i)?.evaluation?;
-            Some((i, performance.mean_reward))
-        });
-        let best = evaluated.fold(None, |best: Option<(usize, f64)>, (i, reward)| match best {
-            Some((_, most)) if most >= reward => best,
-            _ => Some((i, reward)),
-        });
-        best.map(|(i, _)| i)
-            .or_else(|| self.policies.len().checked_sub(1))
-    }
-
-    /// The best policy.
-    #[must_use]
-    pub fn best_policy(&self) -> Option<&SavedPolicy> {
-        self.best().map(|i| &self.policies[i])
-    }
-
-    /// Strides with this role.
-    #[must_use]
-    pub fn strides(&self, role: StrideRole) -> usize {
-        self.transitions.iter().filter(|t| t.role == role).count()
-    }
 }
 
 /// Who is told what happens, as it happens: writes files, shows progress.
@@ -286,24 +249,6 @@ impl<'a> Algorithm<'a> {
         &mut self.plant
     }
 
-    /// The policy that leaves the nominal gait alone.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::Learn`] if it cannot be built.
-    pub fn nominal_policy(&self) -> Result<SavedPolicy, LabError> {
-        let neutral: Vec<f64> = self
-            .task
-            .action_limits()?
-            .iter()
-            .map(|l| l.neutral)
-            .collect();
-        Ok(SavedPolicy::Constant(ConstantPolicy::new(
-            self.plant.spec().clone(),
-            &neutral,
-        )?))
-    }
-
     /// Runs every phase that is still missing.
     ///
     /// # Errors
@@ -341,7 +286,7 @@ impl<'a> Algorithm<'a> {
                 self.collect(recorder)?;
             }
         }
-        if self.progress.final_performance.is_none() {
+        while self.progress.final_performance.is_none() {
             self.measure_final(recorder)?;
         }
         Ok(())
@@ -431,7 +376,9 @@ impl<'a> Algorithm<'a> {
         let policy = self.progress.best_policy().cloned();
         let filming = self.film(index == 0 && batch.strides > 0, false);
         let collected = match (policy, self.task.collect.until_error) {
-            (None, Some(error)) if batch.strides > 0 => self.collect_until(error, batch, recorder),
+            (None, Some(error)) if index == 0 && batch.strides > 0 => {
+                self.collect_until(error, batch, recorder)
+            }
             (policy, _) => self.collect_batch(policy.as_ref(), batch, 0, recorder),
         };
         let takes = filming.end(&mut self.plant);
@@ -702,7 +649,7 @@ impl<'a> Algorithm<'a> {
     }
 
     fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
-        let policy = self.nominal_policy()?;
+        let policy = self.task.nominal_policy()?;
         let performance =
             self.measure(&policy, "nominal", self.task.record.strides, 0, recorder)?;
         self.progress.nominal = Some(performance);
@@ -719,18 +666,15 @@ impl<'a> Algorithm<'a> {
         recorder.checkpoint(Phase::Record, &self.progress)
     }
 
+    /// Measures the best policy as the final one. If it does not beat the nominal gait, the next is the best.
     fn measure_final(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
-        let Some(policy) = self.progress.best_policy().cloned() else {
-            return Ok(());
-        };
-        let performance = self.measure(
-            &policy,
-            "final",
-            self.task.record.strides,
-            u64::from(u32::MAX),
-            recorder,
-        )?;
-        self.progress.final_performance = Some(performance);
+        let policy = self.progress.final_policy(self.task)?;
+        let strides = self.task.record.strides;
+        let tried = self.progress.iterations.iter();
+        let rejected = tried.filter(|i| i.rejected.is_some()).count();
+        let stream_index = u64::from(u32::MAX) - rejected as u64;
+        let performance = self.measure(&policy, "final", strides, stream_index, recorder)?;
+        self.progress.accept(performance);
         recorder.checkpoint(Phase::Final, &self.progress)
     }
 }

@@ -253,9 +253,9 @@ impl Algorithm<'_> {
                 if let (true, Some(trials)) = (iteration > 1, task.learner.later_trials) {
                     config.trials = trials;
                 }
-                let initial = progress
-                    .best_policy()
-                    .filter(|_| task.learner.warm_start && iteration > 1);
+                let initial = Proof::start(&proofs)
+                    .filter(|_| task.learner.warm_start && iteration > 1)
+                    .map(|i| &progress.policies[i]);
                 let outcome =
                     ActorCritic { config }
                         .improve(&mut process, initial, rng, &mut |r| observer(r.summary))?;

@@ -21,6 +21,7 @@ pub mod builtin;
 mod careful;
 mod caution;
 mod check;
+mod choice;
 mod compare;
 pub mod config;
 mod controls;

@@ -74,13 +74,16 @@ pub struct Proof {
 }
 
 impl Proof {
+    /// Whether the policy walked the full proof.
+    #[must_use]
+    pub fn is_proven(&self) -> bool {
+        self.verdict == Verdict::Proven
+    }
+
     /// Index of the fastest proven one, the earlier of equals.
     #[must_use]
     pub fn best(proofs: &[&Self]) -> Option<usize> {
-        let proven = proofs
-            .iter()
-            .enumerate()
-            .filter(|(_, p)| p.verdict == Verdict::Proven);
+        let proven = proofs.iter().enumerate().filter(|(_, p)| p.is_proven());
         proven
             .fold(None, |best: Option<(usize, f64)>, (i, p)| match best {
                 Some((_, most)) if most >= p.speed_m_s => best,
@@ -89,10 +92,10 @@ impl Proof {
             .map(|(i, _)| i)
     }
 
-    /// Index of the policy to use: the fastest proven one; without one, the one that walked longest
+    /// Index of the policy to learn on from: the fastest proven one; without one, the one that walked longest
     /// before its warning, the later of equals.
     #[must_use]
-    pub fn choice(proofs: &[&Self]) -> Option<usize> {
+    pub fn start(proofs: &[&Self]) -> Option<usize> {
         Self::best(proofs).or_else(|| {
             let by_strides = proofs.iter().enumerate().max_by_key(|(_, p)| p.strides);
             by_strides.map(|(i, _)| i)

@@ -128,7 +128,7 @@ pub fn can_steer(task: &Task) -> bool {
         && task.target_deg().is_some()
 }
 
-/// The learner after its first iteration and finally, and every control, on one seed's robot.
+/// The learner after its first iteration and its final policy, and every control, on one seed's robot.
 ///
 /// The action is taken to lower `ψ_roll` as it grows (both stepping tasks).
 ///
@@ -156,17 +156,18 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     let mut algorithm = Algorithm::new(task, seed)?;
     algorithm.learn(&mut NoRecorder)?;
     let progress = &algorithm.progress;
-    let (mut strides, mut falls) = (0, 0);
-    let last = progress.iterations.len();
-    for iteration in &progress.iterations {
-        strides += iteration.strides;
-        falls += iteration.falls;
-        if let Some(record) = iteration.record
-            && (iteration.iteration == 1 || iteration.iteration == last)
-        {
-            let name = format!("learned in the map, iteration {}", iteration.iteration);
-            rows.push(bench.steered(&name, strides, falls, record));
-        }
+    let made = |n: usize| {
+        let first = progress.iterations.iter().take(n);
+        first.fold((0, 0), |(s, f), i| (s + i.strides, f + i.falls))
+    };
+    let first = progress.iterations.first().and_then(|i| i.record);
+    let last = progress.final_performance;
+    for (name, n, measured) in [
+        ("learned in the map, iteration 1", 1, first),
+        ("final policy", progress.iterations.len(), last),
+    ] {
+        let (strides, falls) = made(n);
+        rows.extend(measured.map(|p| bench.steered(name, strides, falls, p)));
     }
     if let Some(nominal) = progress.nominal {
         rows.push(bench.steered("nominal gait", 0, 0, nominal));

@@ -8,6 +8,7 @@ use stridemap_learn::Policy;
 use stridemap_returnmap::{Action, State, StrideEnd, StrideProcess};
 use stridemap_robot::Side;
 
+use crate::compare::Spread;
 use crate::error::LabError;
 use crate::integral::IntegralAction;
 use crate::measure::StrideMeasures;
@@ -324,6 +325,9 @@ pub struct Performance {
     pub strides: usize,
     /// Mean reward over them; a fall scores its own reward.
     pub mean_reward: f64,
+    /// Standard deviation of the reward over them, with n − 1; `None` for fewer than two.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reward_sd: Option<f64>,
     /// Mean `ψ_roll` at the section over those that reached one.
     pub mean_psi_roll_deg: f64,
     /// The same as a simulator knows it, where the robot only estimates it.
@@ -367,13 +371,19 @@ impl Performance {
             }
         };
         let crossed = || kept.iter().filter(|t| t.end == StrideEnd::Crossing);
+        let rewards: Vec<f64> = kept.iter().map(|t| t.reward).collect();
+        let Spread {
+            mean: mean_reward,
+            sd: reward_sd,
+        } = Spread::of(&rewards);
         let truth: Option<Vec<f64>> = crossed().map(|t| t.true_psi_roll_deg).collect();
         Self {
             true_mean_psi_roll_deg: truth
                 .filter(|values| !values.is_empty())
                 .map(|values| mean(&mut values.into_iter())),
             strides: kept.len(),
-            mean_reward: mean(&mut kept.iter().map(|t| t.reward)),
+            mean_reward,
+            reward_sd,
             mean_psi_roll_deg: mean(
                 &mut kept
                     .iter()

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
-use stridemap_learn::ActorCriticConfig;
+use stridemap_learn::{ActorCriticConfig, ConstantPolicy, SavedPolicy};
 use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{
     ActionDimension, ActionLimits, MapConfig, MapFailure, ProcessSpec, StateDimension,
@@ -169,7 +169,8 @@ pub struct AlgorithmConfig {
     /// Most iterations.
     pub iterations: usize,
     /// Strides of the deterministic policy on the robot after each improvement. They choose the best
-    /// policy, and count as training too when `evaluation_trains`. 0: the last policy is final.
+    /// policy, and count as training too when `evaluation_trains`. 0: no policy is tried, and the nominal
+    /// gait stays final.
     pub evaluation_strides: usize,
     /// First evaluation strides that are left out of the mean (start-up transient).
     pub evaluation_discard: usize,
@@ -693,6 +694,18 @@ impl Task {
             .into_iter()
             .map(|a| a.limits)
             .collect())
+    }
+
+    /// The policy that leaves the nominal gait alone.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::validate`].
+    pub fn nominal_policy(&self) -> Result<SavedPolicy, LabError> {
+        let limits = self.action_limits()?;
+        let neutral: Vec<f64> = limits.iter().map(|l| l.neutral).collect();
+        let policy = ConstantPolicy::new(self.process_spec()?, &neutral)?;
+        Ok(SavedPolicy::Constant(policy))
     }
 
     /// Names and bounds of states and actions.

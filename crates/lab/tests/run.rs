@@ -279,3 +279,29 @@ fn a_run_has_time_lapses_of_exploration_and_of_every_policy() {
     assert!(run.join("poses/iteration-1.json").exists());
     assert!(!run.join("poses/iteration-2.json").exists());
 }
+
+/// Where learning cannot help, because the action can do next to nothing, the nominal gait is final, and told so.
+#[test]
+fn where_nothing_beats_the_nominal_gait_it_is_the_final_policy() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run");
+    let mut loaded = short();
+    loaded.task.action[0].bounds = [-1e-3, 1e-3];
+    loaded.task.collect.explore.center = vec![[-1e-3, 1e-3]];
+    learn(&run, &loaded, 7);
+    let json = |name: &str| -> serde_json::Value {
+        serde_json::from_str(&std::fs::read_to_string(run.join(name)).unwrap()).unwrap()
+    };
+    let summary = json("summary.json");
+    assert_eq!(summary["improved"], false);
+    assert!(summary["final_iteration"].is_null());
+    let policy: SavedPolicy = serde_json::from_value(json("policy/final.json")).unwrap();
+    assert_eq!(policy, loaded.task.nominal_policy().unwrap());
+    let reward = |what: &str| summary[what]["mean_reward"].as_f64().unwrap();
+    assert!((reward("final") - reward("nominal")).abs() < 1e-9);
+    // What was tried, and what it cost: two batches of 6 and two proofs of 4 strides.
+    assert_eq!(summary["strides"]["training"], 20);
+    for i in summary["iterations"].as_array().unwrap() {
+        assert!(i["evaluated_mean_reward"].is_number());
+    }
+}

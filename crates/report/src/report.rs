@@ -69,6 +69,12 @@ pub fn sections(run: &Run) -> Vec<Section> {
 fn learned_at_all(run: &Run) -> Section {
     let mut section = Section::new("learn", "Did it learn?");
     let summary = run.summary.as_ref();
+    if summary.is_some_and(|s| s.improved == Some(false)) {
+        section.notes.push(
+            "No policy that was tried on the robot beats the nominal gait: the nominal gait is the final policy."
+                .to_owned(),
+        );
+    }
     let best = summary.and_then(|s| {
         s.iterations
             .iter()

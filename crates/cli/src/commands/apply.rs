@@ -7,15 +7,15 @@ use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Algorithm, Batch, LabError, Performance, Plant, PoseRecorder, PushConfig,
-    PushOutcome, Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker,
-    analyse as analyse_run, builtin, drive, make_strides, push as push_plant,
+    ActionSource, Batch, LabError, Performance, Plant, PoseRecorder, PushConfig, PushOutcome,
+    Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker, analyse as analyse_run,
+    builtin, drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use super::beside::Doing;
-use super::linked::{beside_run, here, plant};
+use super::linked::{beside_run, plant};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -40,7 +40,7 @@ fn task_and_policy(
     };
     let falls = measured.map(|p| (p.falls, p.strides));
     let policy = if nominal {
-        Algorithm::new(&here(&run.task), 0)?.nominal_policy()?
+        run.task.nominal_policy()?
     } else {
         run.policy()?
     };
@@ -165,7 +165,7 @@ pub fn run(
             let task = builtin::load(name, &common.sets)?
                 .on(common.robot.map(Into::into), common.seed)?
                 .task;
-            let policy = Algorithm::new(&here(&task), 0)?.nominal_policy()?;
+            let policy = task.nominal_policy()?;
             (task, policy, None)
         }
         (None, None) => return Err(Failure::request("run needs a RUN or --nominal TASK")),

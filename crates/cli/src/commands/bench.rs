@@ -65,7 +65,7 @@ pub fn bench(json: bool) -> Result<(), Failure> {
 
     output::note("strides in its map");
     let mut map = algorithm.fit(&mut NoRecorder)?;
-    let policy = algorithm.nominal_policy()?;
+    let policy = task.nominal_policy()?;
     let mut state = map.reset(&mut rng).map_err(stridemap_lab::LabError::from)?;
     let started = Instant::now();
     for _ in 0..MAP_STRIDES {

@@ -198,6 +198,14 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
         output::line(format!(
             "  learned from {strides} strides on the robot with {falls} falls: {verdict}"
         ));
+        if summary.improved == Some(false) {
+            let tried = if task.caution.is_none() && task.algorithm.evaluation_strides == 0 {
+                "no policy was tried on the robot (algorithm.evaluation_strides = 0)"
+            } else {
+                "no policy that was tried on the robot beats the nominal gait"
+            };
+            output::line(format!("  {tried}: the nominal gait is the final policy"));
+        }
     }
     let s = summary.seconds.by_work;
     output::line(format!(
@@ -235,6 +243,8 @@ struct SeedsSummary {
     worst_speed_m_s: Option<f64>,
     falls_while_learning: usize,
     falls_in_final: usize,
+    /// Runs whose final policy is a learned one, and not the nominal gait.
+    improved: usize,
     strides_per_run: usize,
     success_against_strides: Vec<SuccessAt>,
     runs: Vec<Summary>,
@@ -321,7 +331,7 @@ fn over_seeds(
     };
     output::line(format!(
         "{}: {} of {} seeds succeed; {gain}; psi_roll median {:.3} deg; {} falls while learning, {} in final; \
-         {} strides a run",
+         {} strides a run; {} better than the nominal gait",
         summary.experiment,
         summary.successes,
         summary.seeds,
@@ -329,6 +339,7 @@ fn over_seeds(
         summary.falls_while_learning,
         summary.falls_in_final,
         summary.strides_per_run,
+        summary.improved,
     ));
     if !summary.failed_seeds.is_empty() {
         output::line(format!("  seeds that do not: {:?}", summary.failed_seeds));
@@ -398,6 +409,7 @@ fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
         worst_speed_m_s: speeds.iter().copied().reduce(f64::min),
         falls_while_learning: runs.iter().map(falls).sum(),
         falls_in_final: finals.iter().map(|p| p.falls).sum(),
+        improved: runs.iter().filter(|s| s.improved == Some(true)).count(),
         strides_per_run: runs.iter().map(strides).max().unwrap_or(0),
         success_against_strides,
         runs,

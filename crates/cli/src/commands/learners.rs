@@ -114,6 +114,17 @@ fn curves(rows: &[LearnerRow]) -> String {
     text
 }
 
+/// A difference and its 95 % interval, to so many decimals.
+pub fn interval(d: &PairedDifference, decimals: usize) -> String {
+    match (d.low, d.high) {
+        (Some(low), Some(high)) => format!(
+            "{:+.decimals$} [{low:+.decimals$}, {high:+.decimals$}]",
+            d.mean
+        ),
+        _ => format!("{:+.decimals$}", d.mean),
+    }
+}
+
 fn print(shown: &Learners) {
     output::line(format!(
         "{}, {} seeds: speed over the walk in m/s\n\nlearner       first median / that fall   final \
@@ -157,16 +168,12 @@ fn print(shown: &Learners) {
         ));
     }
     output::line("\npaired differences over seeds, 95 % confidence");
-    let interval = |d: &PairedDifference| match (d.low, d.high) {
-        (Some(low), Some(high)) => format!("{:+.3} [{low:+.3}, {high:+.3}]", d.mean),
-        _ => format!("{:+.3}", d.mean),
-    };
     for d in &shown.differences {
         output::line(format!(
             "  against {:<10} first {}   final {}   ratio of final medians {:.2}",
             d.control.name(),
-            interval(&d.first_speed_m_s),
-            interval(&d.final_speed_m_s),
+            interval(&d.first_speed_m_s, 3),
+            interval(&d.final_speed_m_s, 3),
             d.final_ratio
         ));
     }

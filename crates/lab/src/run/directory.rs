@@ -323,10 +323,9 @@ impl Recorder for RunDirectory {
         for log in [&self.transitions, &self.record, &self.learning] {
             log.sync()?;
         }
-        if phase == Phase::Final
-            && let Some(policy) = progress.best_policy()
-        {
-            write_json(&self.path.join("policy/final.json"), policy)?;
+        if phase == Phase::Final && progress.final_performance.is_some() {
+            let policy = progress.final_policy(&self.task)?;
+            write_json(&self.path.join("policy/final.json"), &policy)?;
         }
         write_json(
             &self.path.join("checkpoint.json"),
@@ -487,18 +486,20 @@ impl FinishedRun {
         })
     }
 
-    /// The policy that the run recommends: the final one, or the best so far.
+    /// The run's policy: the final one; before there is one the best so far, or the newest if none is proven.
     ///
     /// # Errors
     ///
-    /// [`LabError::RunDirectory`] if it has none yet.
+    /// [`LabError::RunDirectory`] if it has none yet; [`LabError::Content`] or [`LabError::File`].
     pub fn policy(&self) -> Result<SavedPolicy, LabError> {
-        self.progress
-            .best_policy()
-            .cloned()
-            .ok_or_else(|| LabError::RunDirectory {
-                path: self.path.clone(),
-                problem: "has no policy yet; `stridemap learn --resume` it first".into(),
-            })
+        let Progress { policies, .. } = &self.progress;
+        if self.progress.final_performance.is_some() {
+            return read_json(&self.path.join("policy/final.json"));
+        }
+        let policy = self.progress.best_policy().or(policies.last());
+        policy.cloned().ok_or_else(|| LabError::RunDirectory {
+            path: self.path.clone(),
+            problem: "has no policy yet; `stridemap learn --resume` it first".into(),
+        })
     }
 }

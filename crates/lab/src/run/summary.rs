@@ -45,6 +45,9 @@ pub struct IterationSummary {
     pub success: bool,
     /// Of the evaluation strides, which choose; null without them.
     pub evaluated_mean_reward: Option<f64>,
+    /// The policy as measured to be final, if that did not beat the nominal gait; left out otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rejected: Option<Measured>,
     /// Forward speed of the policy measured to report; null where the task does not measure it.
     pub speed_m_s: Option<f64>,
     /// Time upright of the policy measured to report; left out where the task does not measure it.
@@ -108,8 +111,12 @@ pub struct Summary {
     pub strides: StrideCounts,
     /// Iterations of Algorithm 1.
     pub iterations: Vec<IterationSummary>,
-    /// The iteration whose policy is the final one; null before the first improvement.
+    /// The iteration whose policy is the final one, or the best so far; null where that is the nominal gait.
     pub final_iteration: Option<usize>,
+    /// Whether the final policy is a learned one: false where none beat the nominal gait, which is final then;
+    /// null until the final policy was measured.
+    #[serde(default)]
+    pub improved: Option<bool>,
     /// The nominal gait, measured; null until it was.
     pub nominal: Option<Measured>,
     /// The final policy, measured; null until it was.
@@ -143,6 +150,7 @@ impl Summary {
                         .record
                         .is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),
                     evaluated_mean_reward: i.evaluation.map(|p| p.mean_reward),
+                    rejected: i.rejected.map(Measured::from),
                     speed_m_s: i.record.and_then(|p| p.walk).map(|w| w.speed_m_s),
                     upright_s: i.record.and_then(|p| p.walk).map(|w| w.upright_s),
                     proof: i.proof.clone(),
@@ -163,6 +171,7 @@ impl Summary {
             },
             iterations,
             final_iteration: progress.best().map(|i| i + 1),
+            improved: progress.improved(),
             nominal: progress.nominal.map(Measured::from),
             final_policy: progress.final_performance.map(Measured::from),
             seconds: SecondsSummary {

@@ -260,6 +260,12 @@ pub(super) fn tiles(run: &Run) -> String {
             "falls on the robot while learning".to_owned(),
         ),
     ]);
+    if s.improved == Some(false) {
+        tiles.push((
+            "not improved".to_owned(),
+            "nothing learned beats the nominal gait, which is the final policy".to_owned(),
+        ));
+    }
     if let Some(push) = run.push.as_ref().map(|p| &p.summary)
         && let (Some(slope), Some(fixed)) = (push.slope, push.fixed_point_deg)
     {
@@ -323,10 +329,10 @@ pub(super) fn overview(runs: &[Run]) -> String {
         rows.push_str(&format!(
             "<tr><td>{}</td>{cells}<td>{}</td></tr>",
             escape(&run.name),
-            if run.finished() {
-                "finished"
-            } else {
-                "did not reach its end"
+            match (run.finished(), s.improved) {
+                (true, Some(false)) => "finished: nothing learned beats the nominal gait",
+                (true, _) => "finished",
+                (false, _) => "did not reach its end",
             }
         ));
     }

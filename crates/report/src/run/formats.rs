@@ -241,8 +241,10 @@ pub struct Summary {
     pub strides: StrideCounts,
     /// One per iteration.
     pub iterations: Vec<IterationSummary>,
-    /// The iteration whose policy is final.
+    /// The iteration whose policy is final; `None` where that is the nominal gait.
     pub final_iteration: Option<u32>,
+    /// Whether the final policy is a learned one; `None` if unknown.
+    pub improved: Option<bool>,
     /// The gait without learning.
     pub nominal: Option<Measured>,
     /// The policy that the run recommends.

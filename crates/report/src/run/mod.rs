@@ -139,6 +139,15 @@ impl Run {
         run.record = run
             .csv("record.csv", |t| strides(t, &columns))
             .unwrap_or_default();
+        // A policy that was rejected as final was measured before the one that is.
+        let begins = |s: &StrideRow| s.what == "final" && (s.episode, s.k) == (0, 0);
+        if let Some(last) = run.record.iter().rposition(begins) {
+            let mut row = 0;
+            run.record.retain(|s| {
+                row += 1;
+                s.what != "final" || row > last
+            });
+        }
         run.learning = run.csv("learning.csv", learning).unwrap_or_default();
         run.read_iterations(&columns);
         run.recordings = run.read_poses("poses");

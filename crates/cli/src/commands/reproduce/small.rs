@@ -59,7 +59,7 @@ pub fn stepping(
             &command,
         ));
         rows.push(row(
-            "Fig. 14: the same, final policy (at most 60 strides)",
+            "Fig. 14: the same, final policy (72 strides)",
             "-",
             mean(&|s| Some(s.final_policy?.performance.mean_psi_roll_deg)),
             &command,

@@ -14,6 +14,7 @@ use super::{Row, row};
 use crate::args::Common;
 use crate::commands::compare::{Comparison, fig8_data, fig9_data, run_arms};
 use crate::commands::learn::median;
+use crate::commands::learners::interval;
 use crate::failure::Failure;
 use crate::parallel;
 use crate::progress::SeedProgress;
@@ -128,12 +129,8 @@ fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> 
             found: 0,
             needed: 1,
         };
-        let policy: SavedPolicy = algorithm
-            .progress
-            .best_policy()
-            .cloned()
-            .ok_or_else(no_policy)?;
-        let nominal_policy = algorithm.nominal_policy()?;
+        let policy: SavedPolicy = algorithm.progress.final_policy(&task)?;
+        let nominal_policy = task.nominal_policy()?;
         let (nominal_performance, final_performance) = (
             algorithm.progress.nominal.ok_or_else(no_policy)?,
             algorithm.progress.final_performance.ok_or_else(no_policy)?,
@@ -201,13 +198,7 @@ fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
         })
     };
     let (gp, full) = (reward(&|t| t.gp), reward(&|t| t.full));
-    let better: Vec<String> = c
-        .trials
-        .iter()
-        .filter(|t| t.gp.mean > t.full.mean && t.p_value.is_some_and(|p| p < 0.05))
-        .map(|t| t.trial.to_string())
-        .collect();
-    let yes_no = |yes: bool| if yes { "yes" } else { "no" };
+    let finding = &c.finding;
     vec![
         row(
             "Fig. 8: reward after the last trial, learned in the GP map",
@@ -222,19 +213,15 @@ fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
             &command,
         ),
         row(
-            "Fig. 8: the GP curve varies more early",
-            "yes",
-            yes_no(c.finding.gp_varies_more_early).into(),
+            "Fig. 8: spread over seeds in the first half of the trials, GP map and full model",
+            "the map's is larger",
+            format!("{:.4}, {:.4}", finding.early_sd.gp, finding.early_sd.full),
             &command,
         ),
         row(
-            "Fig. 8: trials in which the GP policy is better (p < 0.05)",
-            "after the 8th",
-            if better.is_empty() {
-                "none".into()
-            } else {
-                better.join(", ")
-            },
+            "Fig. 8: GP map less full model after the last trial, 95 %",
+            "slightly above 0",
+            interval(&finding.last_difference, 4),
             &command,
         ),
     ]
