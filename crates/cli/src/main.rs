@@ -56,7 +56,7 @@ fn run(command: Command) -> Result<(), Failure> {
             out,
             common,
         } => match from {
-            Some(log) => commands::verbs::collect_from(&task, &log, out.as_deref(), &common),
+            Some(log) => commands::from_log::collect_from(&task, &log, out.as_deref(), &common),
             None => commands::verbs::collect(&task, out.as_deref(), &common),
         },
         Command::Fit {

@@ -15,6 +15,7 @@ use stridemap_robot::{
 
 use crate::error::LinkError;
 use crate::messages::{Float64MultiArray, Header, RosMessage, RosTime, Text, to_cdr, to_messages};
+use crate::wiring::Wiring;
 
 /// `std_msgs/String`: `"begin"` where a robot starts anew.
 pub(crate) const EPISODE: &str = "/stridemap/episode";
@@ -29,7 +30,7 @@ pub struct Journal {
     writer: Writer<BufWriter<File>>,
     channels: BTreeMap<String, u16>,
     sequence: u32,
-    names: Vec<String>,
+    wiring: Wiring,
     link: Ros2Config,
     /// Robot time at which the present episode began: the log's clock never goes back.
     begin_s: f64,
@@ -54,6 +55,8 @@ impl Journal {
             path: path.into(),
             problem,
         };
+        let mut wiring = Wiring::new(link, joint_names.to_vec())?;
+        wiring.find(joint_names)?;
         let file = File::create(path).map_err(|e| fault(e.to_string()))?;
         let writer = WriteOptions::new()
             .profile("ros2")
@@ -65,7 +68,7 @@ impl Journal {
             writer,
             channels: BTreeMap::new(),
             sequence: 0,
-            names: joint_names.to_vec(),
+            wiring,
             link: link.clone(),
             begin_s: 0.0,
             now_s: 0.0,
@@ -135,7 +138,9 @@ impl Journal {
             stamp: RosTime::from_seconds(frame.time_s),
             frame_id: "base".into(),
         };
-        let (joints, imu, [left, right]) = to_messages(frame, &self.names, &header);
+        let (_, imu, [left, right]) = to_messages(frame, &[], &header);
+        // In the units and from the zeros of the robot's own topics: a log is read as the robot is.
+        let joints = self.wiring.tell(header, &frame.joints);
         let link = self.link.clone();
         self.write(&link.left_foot, &left)?;
         self.write(&link.right_foot, &right)?;
@@ -146,7 +151,7 @@ impl Journal {
     /// A command.
     pub(crate) fn command(&mut self, command_rad: &[f64]) -> Result<(), LinkError> {
         let topic = self.link.commands.clone();
-        self.numbers(&topic, command_rad)
+        self.numbers(&topic, &self.wiring.write(command_rad))
     }
 
     fn numbers(&mut self, topic: &str, data: &[f64]) -> Result<(), LinkError> {

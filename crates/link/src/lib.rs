@@ -12,11 +12,14 @@
 //! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing leaves this machine unless
 //! the configuration names another network interface.
 
+mod assemble;
 mod ear;
 mod error;
 mod faults;
 mod guard;
 mod journal;
+mod log;
+mod mcap_file;
 mod messages;
 mod network;
 mod node;
@@ -25,6 +28,7 @@ mod remote;
 mod replay;
 mod server;
 mod stop;
+mod stream;
 mod trajectory;
 mod watch;
 mod wiring;
@@ -34,13 +38,14 @@ pub use error::LinkError;
 pub use faults::{FAULT_DOMAINS, FaultRow, fault_table};
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
 pub use journal::{Journal, LoggedMachine, SharedJournal};
+pub use log::{LogReport, LoggedAction, LoggedEpisode, read_log};
 pub use messages::{
     Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
 };
 pub use network::{BadNetwork, Weather};
 pub use node::Topics;
 pub use remote::{LinkCounts, Operator, RemoteMachine, Yes};
-pub use replay::{LoggedEpisode, ReplayMachine, SharedActions, read_log};
+pub use replay::{Repeated, ReplayMachine};
 pub use server::{Serve, ServerReport, Status, serve};
 pub use stop::send_stop;
 pub use trajectory::{Trajectory, TrajectoryFault};

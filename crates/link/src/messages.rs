@@ -381,6 +381,16 @@ pub(crate) fn from_cdr<M: RosMessage>(bytes: &[u8]) -> Option<M> {
     read.ok().map(|(message, _)| message)
 }
 
+/// The stamp of a message that begins with a header, in nanoseconds.
+pub(crate) fn stamp_of(bytes: &[u8]) -> Option<u64> {
+    let word = |at: usize| bytes.get(at..at + 4)?.try_into().ok();
+    let (sec, nanosec) = match bytes.get(1)? & 1 {
+        1 => (i32::from_le_bytes(word(4)?), u32::from_le_bytes(word(8)?)),
+        _ => (i32::from_be_bytes(word(4)?), u32::from_be_bytes(word(8)?)),
+    };
+    Some(RosTime { sec, nanosec }.nanoseconds())
+}
+
 /// A reading as messages.
 pub(crate) fn to_messages(
     frame: &SensorFrame,

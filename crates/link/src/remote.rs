@@ -12,15 +12,16 @@ use stridemap_robot::{
     check_command, hold_to_limits,
 };
 
+use crate::assemble::{self, Assembler};
 use crate::error::LinkError;
 use crate::guard::Refusals;
-use crate::messages::{Float64MultiArray, Text, UInt64MultiArray};
+use crate::messages::{Float64MultiArray, RosMessage, Text, UInt64MultiArray};
 use crate::node::{LinkNode, NAP, Topics, drain};
-use crate::readings::{Readings, Unusable};
+use crate::readings::Readings;
 use crate::server::Status;
 use crate::stop::{STOP_PERIOD, send_stop};
+use crate::stream::Unusable;
 use crate::watch::Watch;
-use crate::wiring::Wiring;
 
 /// The person beside the robot, or whoever stands in for him.
 pub trait Operator: Send {
@@ -52,7 +53,11 @@ pub struct LinkCounts {
     pub missed: u64,
     /// States whose clock did not advance.
     pub out_of_order: u64,
-    /// States with NaN or the wrong number of joints.
+    /// Messages that came twice.
+    pub doubled: u64,
+    /// Joint states without another sensor's message near enough in time.
+    pub unpaired: u64,
+    /// Messages that say nothing usable: NaN, another number of joints, no orientation.
     pub unusable: u64,
     /// Messages that could not be read.
     pub unreadable: u64,
@@ -130,7 +135,8 @@ impl RemoteMachine {
         period_s: f64,
         operator: Box<dyn Operator>,
     ) -> Result<Self, LinkError> {
-        let wiring = Wiring::new(config, joint_names.clone())?;
+        let names = joint_names.clone();
+        let assembler = Assembler::new(config, names, limits.clone(), period_s, false)?;
         for (joint, tighter) in &config.limits {
             let at = joint_names.iter().position(|name| name == joint);
             let (Some(at), true) = (at, limits.len() == joint_names.len()) else {
@@ -144,12 +150,12 @@ impl RemoteMachine {
         }
         let mut node = LinkNode::open(config, "stridemap_controller")?;
         Ok(Self {
-            readings: Readings::open(&mut node, config, wiring, period_s)?,
+            readings: Readings::open(&mut node, config, assembler)?,
             commands: node.publisher(&config.commands)?,
             heartbeat: node.publisher(Topics::HEARTBEAT)?,
             set_up: node.publisher(Topics::SET_UP)?,
             stop: node.publisher(Topics::STOP)?,
-            others: node.subscription(&config.commands)?,
+            others: node.sensor(&config.commands)?,
             node,
             description: MachineDescription {
                 name: format!("ros2 domain {}", config.domain),
@@ -177,15 +183,13 @@ impl RemoteMachine {
     /// down) may wait for them longer than a new one needs to find the robot.
     fn rejoin(&mut self) -> Result<(), LinkError> {
         let config = &self.config;
-        let description = &self.description;
-        let wiring = Wiring::new(config, description.joint_names.clone())?;
         let mut node = LinkNode::open(config, "stridemap_controller")?;
-        self.readings = Readings::open(&mut node, config, wiring, description.control_period_s)?;
+        self.readings = Readings::open(&mut node, config, self.readings.assembler.clone())?;
         self.commands = node.publisher(&config.commands)?;
         self.heartbeat = node.publisher(Topics::HEARTBEAT)?;
         self.set_up = node.publisher(Topics::SET_UP)?;
         self.stop = node.publisher(Topics::STOP)?;
-        self.others = node.subscription(&config.commands)?;
+        self.others = node.sensor(&config.commands)?;
         self.node = node;
         self.sent_at = None;
         Ok(())
@@ -283,7 +287,7 @@ impl RemoteMachine {
             }
             self.obey_halt()?;
             if start.elapsed() > silence {
-                let what = match self.readings.missing() {
+                let what = match self.readings.assembler.missing() {
                     Some(missing) => format!("silent: {missing}"),
                     None => "nothing was heard".into(),
                 };
@@ -337,7 +341,7 @@ impl RemoteMachine {
         self.counts.limited += held.position_clamped + held.rate_limited + held.torque_limited;
         self.sequence += 1;
         self.counts.commands += 1;
-        let stamp = self.readings.last_stamp_ns.unwrap_or(0);
+        let stamp = self.readings.last_stamp_ns().unwrap_or(0);
         // What cannot be sent is missed by the robot, whose own guard then holds.
         let _ = self.commands.publish(Float64MultiArray {
             data: self.readings.wiring().write(&next),
@@ -356,7 +360,13 @@ impl RemoteMachine {
         let deadline = Instant::now() + Duration::from_secs_f64(self.config.connect_s);
         let mut heard = false;
         while Instant::now() < deadline {
-            heard |= self.gather()?;
+            heard |= match self.gather() {
+                Err(RobotError::Link { what, .. }) => {
+                    let misfits = self.readings.misfits(&self.node, &self.config);
+                    return Err(self.fault(what + &misfits));
+                }
+                other => other?,
+            };
             self.obey_halt()?;
             let listeners = [
                 self.commands.get_subscription_count(self.node.node()),
@@ -372,11 +382,34 @@ impl RemoteMachine {
             std::thread::sleep(Duration::from_millis(2));
         }
         self.lost = true;
-        Err(self.fault(if heard {
-            "the robot speaks, but nobody listens to the commands (topic, type or quality of service?)"
-        } else {
-            "no robot was heard (is it switched on; are domain, interface and topics right?)"
-        }))
+        let told = self.readings.heard(&self.node, &self.config);
+        let listens = self.commands.get_subscription_count(self.node.node());
+        let asks = (self.node).asks(&self.config.commands, Float64MultiArray::TYPE, listens);
+        let what = match (heard, listens) {
+            (false, _) if !self.readings.assembler.heard_any() => {
+                "no robot was heard (is it switched on; are domain, interface and topics right?)"
+            }
+            (false, _) => "no whole reading was heard",
+            (true, 0) => {
+                "the robot speaks, but nobody listens to the commands (topic, type or quality of service?)"
+            }
+            (true, _) => {
+                "the robot speaks, but does not set itself up (a robot that is set up by hand: \
+                 link.sets_itself_up = false)"
+            }
+        };
+        Err(self.fault(format!("{what}; {told}{asks}")))
+    }
+
+    /// Refuses a robot whose readings come at another rate than the gait is made for.
+    fn check_pace(&mut self) -> Result<(), RobotError> {
+        while !self.readings.assembler.knows_pace() {
+            self.wait_periods(1, None)?;
+        }
+        match self.readings.assembler.off_pace() {
+            Some(why) => Err(self.fault(why)),
+            None => Ok(()),
+        }
     }
 
     /// Refuses a robot that somebody else commands. The robot's own word counts where it has one; else what is
@@ -529,7 +562,7 @@ impl RemoteMachine {
             self.lost = true;
             return Err(self.fault(error.to_string()));
         }
-        self.readings.clear();
+        self.readings.assembler.clear();
         self.sent = None;
         let was_silent = self.sent_at.is_none_or(|at| at.elapsed() > SILENT);
         self.walking = false;
@@ -540,6 +573,7 @@ impl RemoteMachine {
         } else {
             self.wait_periods(LOOK_PERIODS, None)?;
         }
+        self.check_pace()?;
         if self.config.sets_itself_up {
             self.ask_to_set_up()?;
             self.wait_periods(LOOK_PERIODS, None)?;
@@ -565,7 +599,7 @@ impl Machine for RemoteMachine {
     ) -> Result<&SensorFrame, RobotError> {
         check_command(command_rad, &self.description.joint_names)?;
         let tilt = self.tilt_deg();
-        let mut why = match (self.trouble.take(), self.readings.last_stamp_ns) {
+        let mut why = match (self.trouble.take(), self.readings.last_stamp_ns()) {
             (Some(trouble), _) => trouble,
             (None, None) => Self::FIRST_START.into(),
             (None, Some(_)) if tilt > self.config.upright_deg => {
@@ -594,7 +628,7 @@ impl Machine for RemoteMachine {
             }
         }
         self.trouble = None;
-        self.readings.zero_ns = self.readings.last_stamp_ns.unwrap_or(0);
+        self.readings.assembler.zero_ns = self.readings.last_stamp_ns().unwrap_or(0);
         self.frame.time_s = 0.0;
         self.watch = Watch::default();
         Ok(&self.frame)
@@ -607,15 +641,14 @@ impl Machine for RemoteMachine {
     fn step(&mut self, command_rad: &[f64]) -> Result<&SensorFrame, RobotError> {
         check_command(command_rad, &self.description.joint_names)?;
         self.obey_halt()?;
-        let before = self.readings.last_stamp_ns;
+        let before = self.readings.last_stamp_ns();
         self.send(command_rad);
         self.next_frame()?;
         self.obey_status()?;
-        if let (Some(before), Some(now)) = (before, self.readings.last_stamp_ns) {
-            let gap_s = now.saturating_sub(before) as f64 * 1e-9;
-            if gap_s > self.config.gap_s {
-                return Err(self.fault(format!("no state for {gap_s:.3} s of robot time")));
-            }
+        if let (Some(before), Some(now)) = (before, self.readings.last_stamp_ns())
+            && let Some(gap) = assemble::gap(before, now, &self.config)
+        {
+            return Err(self.fault(gap));
         }
         let told = self.sent.clone().unwrap_or_default();
         let stuck = self

@@ -1,98 +1,19 @@
-//! Logs read back: strides from a file, with no robot at all.
+//! A log repeated: strides from a file, with no robot at all.
 
-use std::collections::VecDeque;
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use rand_chacha::ChaCha8Rng;
-use stridemap_robot::{
-    JointLimits, JointState as JointReading, Machine, MachineDescription, RobotError, Ros2Config,
-    SensorFrame,
-};
+use stridemap_robot::{JointLimits, Machine, MachineDescription, RobotError, SensorFrame};
 
-use crate::error::LinkError;
-use crate::journal::{ACTION, EPISODE};
-use crate::messages::{Float64MultiArray, Imu, JointState, WrenchStamped, from_cdr};
+use crate::log::{LoggedAction, LoggedEpisode};
 
-/// One start of the robot and what followed.
+/// What is left of a log that is being repeated.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LoggedEpisode {
-    /// Readings, each a control period after the one before.
-    pub frames: Vec<SensorFrame>,
-    /// What the policy asked for, and the number of readings that had come before.
-    pub actions: Vec<(usize, Vec<f64>)>,
-}
-
-/// Reads the episodes of a log.
-///
-/// A log that was cut short is read as far as it goes.
-///
-/// # Errors
-///
-/// [`LinkError::Log`] if the file cannot be read, or holds no readings of this robot.
-pub fn read_log(path: &Path, link: &Ros2Config) -> Result<Vec<LoggedEpisode>, LinkError> {
-    let fault = |problem: String| LinkError::Log {
-        path: path.into(),
-        problem,
-    };
-    let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;
-    let options = mcap::read::Options::IgnoreEndMagic.into();
-    let stream =
-        mcap::MessageStream::new_with_options(&bytes, options).map_err(|e| fault(e.to_string()))?;
-    let mut episodes: Vec<LoggedEpisode> = Vec::new();
-    let (mut loads_n, mut imu) = ([None, None], None::<Imu>);
-    for message in stream {
-        let Ok(message) = message else {
-            break;
-        };
-        let topic = message.channel.topic.as_str();
-        let data: &[u8] = &message.data;
-        if topic == EPISODE {
-            episodes.push(LoggedEpisode::default());
-            (loads_n, imu) = ([None, None], None);
-        } else if topic == link.left_foot {
-            loads_n[0] = from_cdr::<WrenchStamped>(data).map(|w| w.force.z);
-        } else if topic == link.right_foot {
-            loads_n[1] = from_cdr::<WrenchStamped>(data).map(|w| w.force.z);
-        } else if topic == link.imu {
-            imu = from_cdr(data);
-        } else if topic == ACTION {
-            let action = from_cdr::<Float64MultiArray>(data);
-            if let (Some(action), Some(episode)) = (action, episodes.last_mut()) {
-                episode.actions.push((episode.frames.len(), action.data));
-            }
-        } else if topic == link.joint_states {
-            let (Some(joints), Some(imu), [Some(left), Some(right)], Some(episode)) = (
-                from_cdr::<JointState>(data),
-                imu.take(),
-                std::mem::take(&mut loads_n),
-                episodes.last_mut(),
-            ) else {
-                continue;
-            };
-            let q = imu.data.orientation;
-            episode.frames.push(SensorFrame {
-                time_s: joints.header.stamp.seconds(),
-                joints: (0..joints.position.len())
-                    .map(|i| JointReading {
-                        position_rad: joints.position[i],
-                        velocity_rad_s: joints.velocity.get(i).copied().unwrap_or(0.0),
-                        torque_nm: joints.effort.get(i).copied().unwrap_or(0.0),
-                    })
-                    .collect(),
-                orientation: [q.w, q.x, q.y, q.z],
-                angular_velocity_rad_s: imu.data.angular_velocity.into(),
-                loads_n: [left, right],
-            });
-        }
-    }
-    if episodes.iter().all(|e| e.frames.is_empty()) {
-        return Err(fault(format!(
-            "holds no readings on {}, {} and the feet's topics",
-            link.joint_states, link.imu
-        )));
-    }
-    Ok(episodes)
+pub struct Repeated {
+    /// Episodes that have not begun.
+    pub left: usize,
+    /// Actions of the episode under way.
+    pub actions: Vec<LoggedAction>,
 }
 
 /// A machine that repeats a log, whatever it is commanded.
@@ -102,11 +23,8 @@ pub struct ReplayMachine {
     episode: LoggedEpisode,
     next: usize,
     frame: SensorFrame,
-    actions: SharedActions,
+    repeated: Arc<Mutex<Repeated>>,
 }
-
-/// The actions of the episode that is being repeated, those not yet taken.
-pub type SharedActions = Arc<Mutex<VecDeque<Vec<f64>>>>;
 
 impl ReplayMachine {
     /// A machine that repeats these episodes, one per reset.
@@ -117,6 +35,10 @@ impl ReplayMachine {
         limits: Vec<JointLimits>,
         period_s: f64,
     ) -> Self {
+        let repeated = Repeated {
+            left: episodes.len(),
+            actions: Vec::new(),
+        };
         Self {
             description: MachineDescription {
                 name: "log".into(),
@@ -128,20 +50,26 @@ impl ReplayMachine {
             episode: LoggedEpisode::default(),
             next: 0,
             frame: SensorFrame::default(),
-            actions: SharedActions::default(),
+            repeated: Arc::new(Mutex::new(repeated)),
         }
     }
 
     /// Where the actions of each episode appear as it begins.
     #[must_use]
-    pub fn actions(&self) -> SharedActions {
-        Arc::clone(&self.actions)
+    pub fn repeated(&self) -> Arc<Mutex<Repeated>> {
+        Arc::clone(&self.repeated)
     }
 
     fn over(&self) -> RobotError {
+        let end = self.episode.end.as_str();
         RobotError::Link {
             time_s: self.frame.time_s,
-            what: "the log ends here".into(),
+            what: if end.is_empty() {
+                "the log ends here"
+            } else {
+                end
+            }
+            .into(),
         }
     }
 }
@@ -156,10 +84,12 @@ impl Machine for ReplayMachine {
         _command_rad: &[f64],
         _rng: &mut ChaCha8Rng,
     ) -> Result<&SensorFrame, RobotError> {
-        self.episode = self.episodes.next().ok_or_else(|| self.over())?;
+        self.frame = SensorFrame::default();
+        self.episode = self.episodes.next().unwrap_or_default();
         self.next = 0;
-        if let Ok(mut actions) = self.actions.lock() {
-            *actions = self.episode.actions.drain(..).map(|(_, a)| a).collect();
+        if let Ok(mut repeated) = self.repeated.lock() {
+            repeated.left = self.episodes.len();
+            repeated.actions = std::mem::take(&mut self.episode.actions);
         }
         self.step(&[])
     }
@@ -181,8 +111,12 @@ impl Machine for ReplayMachine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
+
     use crate::journal::Journal;
+    use crate::log::read_log;
     use rand_chacha::rand_core::SeedableRng;
+    use stridemap_robot::{JointState as JointReading, Ros2Config};
 
     fn frame(k: usize) -> SensorFrame {
         let k = k as f64;
@@ -224,13 +158,22 @@ mod tests {
             }
             j.finish().unwrap();
         }
-        let episodes = read_log(&path, &link).unwrap();
+        let read = |path: &Path| read_log(path, &link, names.clone(), Vec::new(), 0.008);
+        let (episodes, report) = read(&path).unwrap();
+        assert_eq!(
+            (report.readings, report.missed, report.notes.len()),
+            (10, 0, 0)
+        );
         assert_eq!(episodes.len(), 2);
         for (index, episode) in episodes.iter().enumerate() {
             assert_eq!(episode.frames, (0..5).map(frame).collect::<Vec<_>>());
-            assert_eq!(episode.actions, vec![(3, vec![index as f64])]);
+            let asked = LoggedAction {
+                time_s: 0.016,
+                action: vec![index as f64],
+            };
+            assert_eq!(episode.actions, [asked]);
         }
-        let mut machine = ReplayMachine::new(episodes, names, Vec::new(), 0.008);
+        let mut machine = ReplayMachine::new(episodes, names.clone(), Vec::new(), 0.008);
         let rng = &mut ChaCha8Rng::seed_from_u64(0);
         assert_eq!(*machine.reset(&[], rng).unwrap(), frame(0));
         assert_eq!(*machine.step(&[]).unwrap(), frame(1));
@@ -238,7 +181,8 @@ mod tests {
         let bytes = std::fs::read(&path).unwrap();
         let cut = dir.path().join("cut.mcap");
         std::fs::write(&cut, &bytes[..bytes.len() - 10]).unwrap();
-        assert!(read_log(&cut, &link).is_ok());
-        assert!(read_log(&dir.path().join("none.mcap"), &link).is_err());
+        let (episodes, _) = read(&cut).unwrap();
+        assert_eq!(episodes.len(), 2);
+        assert!(read(&dir.path().join("none.mcap")).is_err());
     }
 }

@@ -3,7 +3,7 @@
 use stridemap_robot::{AngleUnit, JointState as JointReading, RobotError, Ros2Config};
 
 use crate::error::LinkError;
-use crate::messages::JointState;
+use crate::messages::{Header, JointState};
 
 /// From the robot's joint states to the machine's joints, and from the machine's command to the robot's.
 ///
@@ -26,6 +26,8 @@ pub(crate) struct Wiring {
     /// The robot's own names, as last seen, and for each of the machine's joints its place among them.
     seen: Vec<String>,
     places: Vec<usize>,
+    /// Whether a joint's velocity, and whether its effort, was ever not told.
+    untold: [bool; 2],
 }
 
 fn mismatch(joint: &str, why: &'static str) -> RobotError {
@@ -71,12 +73,17 @@ impl Wiring {
             },
             seen: Vec::new(),
             places: Vec::new(),
+            untold: [false; 2],
             names,
         })
     }
 
     /// Finds the machine's joints among the robot's.
-    fn find(&mut self, robot: &[String]) -> Result<(), RobotError> {
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::JointMap`].
+    pub fn find(&mut self, robot: &[String]) -> Result<(), RobotError> {
         if self.seen == robot && !robot.is_empty() {
             return Ok(());
         }
@@ -108,28 +115,70 @@ impl Wiring {
         Ok(())
     }
 
-    /// The machine's joints in a message. Rates and torques may be absent: 0.
+    /// What the robot does not tell of its joints and what counts as 0 therefore, in words.
+    pub fn untold(&self) -> Option<&'static str> {
+        match self.untold {
+            [false, false] => None,
+            [true, false] => Some("velocity"),
+            [false, true] => Some("effort"),
+            [true, true] => Some("velocity and effort"),
+        }
+    }
+
+    /// The names of the machine's joints.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The machine's joints in a message. Rates and torques that are absent or NaN are not measured: 0.
     ///
     /// # Errors
     ///
-    /// [`RobotError::JointMap`]; [`RobotError::CommandLength`] if there is not one angle per name.
+    /// [`RobotError::JointMap`]; [`RobotError::CommandLength`] if an array has not one number per name.
     pub fn read(&mut self, message: &JointState) -> Result<Vec<JointReading>, RobotError> {
-        if message.position.len() != message.name.len() {
-            return Err(RobotError::CommandLength {
-                expected: message.name.len(),
-                found: message.position.len(),
-            });
+        let expected = message.name.len();
+        let measured = [&message.velocity, &message.effort];
+        let measured = measured.iter().filter(|v| !v.is_empty()).map(|v| v.len());
+        if let Some(found) = std::iter::once(message.position.len())
+            .chain(measured)
+            .find(|found| *found != expected)
+        {
+            return Err(RobotError::CommandLength { expected, found });
         }
         self.find(&message.name)?;
+        let untold = |values: &[f64]| values.is_empty() || values.iter().any(|v| v.is_nan());
+        self.untold[0] |= untold(&message.velocity);
+        self.untold[1] |= untold(&message.effort);
         let unit = self.unit_rad;
         let read = self.places.iter().zip(&self.offset_rad);
+        let measured = |values: &[f64], at: usize| {
+            let value = values.get(at).copied();
+            value.filter(|v| !v.is_nan()).unwrap_or(0.0)
+        };
         Ok(read
             .map(|(&at, offset)| JointReading {
                 position_rad: unit * message.position[at] - offset,
-                velocity_rad_s: unit * message.velocity.get(at).copied().unwrap_or(0.0),
-                torque_nm: message.effort.get(at).copied().unwrap_or(0.0),
+                velocity_rad_s: unit * measured(&message.velocity, at),
+                torque_nm: measured(&message.effort, at),
             })
             .collect())
+    }
+
+    /// The machine's joints as a robot with this wiring would tell them.
+    pub fn tell(&self, header: Header, joints: &[JointReading]) -> JointState {
+        let told = joints.iter().zip(&self.offset_rad);
+        JointState {
+            header,
+            name: self.names.clone(),
+            position: told
+                .map(|(j, offset)| (j.position_rad + offset) / self.unit_rad)
+                .collect(),
+            velocity: joints
+                .iter()
+                .map(|j| j.velocity_rad_s / self.unit_rad)
+                .collect(),
+            effort: joints.iter().map(|j| j.torque_nm).collect(),
+        }
     }
 
     /// The numbers of a command, in the robot's order; empty before the robot's joints were seen.

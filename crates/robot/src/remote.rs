@@ -87,6 +87,10 @@ pub struct Ros2Config {
     pub angle_unit: AngleUnit,
     /// `rosgraph_msgs/Clock`.
     pub clock: String,
+    /// Stamps of joint states, inertial unit and feet that are this far apart at most belong to one reading;
+    /// under half a control period. Default: 0.45 of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pair_within_s: Option<f64>,
     /// The machine's angle, in degrees, where the model's is zero; joints not named: 0.
     pub offset_deg: BTreeMap<String, f64>,
     /// Limits of joints, by their names, that are tighter than the model's.
@@ -122,6 +126,7 @@ impl Default for Ros2Config {
             command_joints: Vec::new(),
             angle_unit: AngleUnit::Rad,
             clock: "/clock".into(),
+            pair_within_s: None,
             offset_deg: BTreeMap::new(),
             limits: BTreeMap::new(),
             connect_s: 10.0,

@@ -1,14 +1,12 @@
-//! The plant of a task whose robot is behind ROS 2, logged, and strides from a log with no robot at all.
+//! The plant of a task whose robot is behind ROS 2, logged.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use stridemap_lab::run::files;
-use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{Algorithm, Plant, Progress, StridePhase, StrideRole, Task, Transition};
-use stridemap_link::{Journal, LoggedMachine, RemoteMachine, ReplayMachine, read_log};
+use stridemap_lab::{Algorithm, Plant, Progress, Task};
+use stridemap_link::{Journal, LoggedMachine, RemoteMachine};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator};
-use stridemap_returnmap::{StrideEnd, StrideProcess};
 use stridemap_robot::{EstimatedRobot, JointLimits, Machine};
 
 use super::beside::{Doing, LastEnd, Person, Watcher, plan};
@@ -93,7 +91,7 @@ pub fn beside_run(task: &Task, run: Option<&Path>) -> Result<Option<PathBuf>, Fa
 }
 
 /// Names and limits of the joints that a task's joint map expects, in the robot's order and signs.
-fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
+pub fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
     let ideal = MujocoConfig {
         hardware: None,
         ..task.robot.clone()
@@ -101,63 +99,6 @@ fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
     let model = SimulatedMachine::new(&ideal).map_err(stridemap_lab::LabError::from)?;
     let own = model.description();
     Ok((own.joint_names.clone(), own.limits.clone()))
-}
-
-/// Strides from a log, with no robot at all.
-pub fn strides_of_log(task: &Task, log: &Path) -> Result<Vec<Transition>, Failure> {
-    let link = task.link.clone().unwrap_or_default();
-    let episodes = read_log(log, &link)?;
-    let starts = episodes.len();
-    let (names, limits) = joints(task)?;
-    let machine = ReplayMachine::new(episodes, names, limits, task.robot.control_period_s);
-    let actions = machine.actions();
-    let estimator = estimator(&here(task).robot).map_err(stridemap_lab::LabError::from)?;
-    let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
-    let mut plant = task.plant_on(Box::new(robot))?;
-    let mut rng = stream(0, Role::Collect, 0);
-    let mut transitions = Vec::new();
-    for episode in 0..starts {
-        // The log is over, or this start never came to a section: there is nothing more to learn from it.
-        let Ok(mut state) = plant.reset(&mut rng) else {
-            continue;
-        };
-        let mut k = 0;
-        loop {
-            let action = actions.lock().ok().and_then(|mut queue| queue.pop_front());
-            let Some(action) = action else { break };
-            let (stance, last_action) = (plant.stance(), plant.last_action().clone());
-            let stride = plant
-                .stride(&action, &mut rng)
-                .map_err(stridemap_lab::LabError::from)?;
-            if stride.end == StrideEnd::Aborted {
-                break;
-            }
-            transitions.push(Transition {
-                iteration: 1,
-                phase: StridePhase::Collect,
-                role: StrideRole::Training,
-                episode,
-                k,
-                time_s: plant.robot().state().time_s,
-                stance,
-                state: state.clone(),
-                last_action,
-                action: stride.action,
-                next_state: stride.next_state.clone(),
-                reward: stride.reward,
-                end: stride.end,
-                measures: *plant.last_measures(),
-                true_psi_roll_deg: None,
-                true_forward_m: None,
-            });
-            if stride.end != StrideEnd::Crossing {
-                break;
-            }
-            state = stride.next_state;
-            k += 1;
-        }
-    }
-    Ok(transitions)
 }
 
 /// A run of a task on its robot; `run` is its directory, where the log goes.

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod beside;
 pub mod compare;
 pub mod faults;
+pub mod from_log;
 pub mod learn;
 pub mod learners;
 pub mod linked;

@@ -66,35 +66,6 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
     show_batch(task, &algorithm, &mut directory, common.json)
 }
 
-/// Makes strides from a robot's log.
-pub fn collect_from(
-    task: &str,
-    log: &Path,
-    out: Option<&Path>,
-    common: &Common,
-) -> Result<(), Failure> {
-    let task = builtin::load(task, &common.sets)?
-        .on(common.robot.map(Into::into), common.seed)?
-        .task;
-    let transitions = linked::strides_of_log(&task, log)?;
-    let table = TransitionTable::new(&task.process_spec()?);
-    let mut rows = vec![table.header()];
-    rows.extend(transitions.iter().map(|t| table.row(t)));
-    match out {
-        Some(path) => {
-            files::write_whole(path, (rows.join("\n") + "\n").as_bytes())?;
-            output::note(format!(
-                "{} strides; next: stridemap fit {} --task {}",
-                transitions.len(),
-                path.display(),
-                task.name
-            ));
-        }
-        None => rows.iter().for_each(output::line),
-    }
-    Ok(())
-}
-
 #[derive(Serialize)]
 struct BatchShown {
     run: String,

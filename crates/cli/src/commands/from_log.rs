@@ -1,0 +1,304 @@
+//! Strides from a robot's log, with no robot at all.
+
+use std::path::Path;
+use std::sync::{MutexGuard, PoisonError};
+
+use serde::Serialize;
+use stridemap_lab::run::{TransitionTable, files};
+use stridemap_lab::seed::{Role, stream};
+use stridemap_lab::{LabError, Plant, StridePhase, StrideRole, Task, Transition, builtin};
+use stridemap_link::{LogReport, LoggedAction, Repeated, ReplayMachine, read_log};
+use stridemap_mujoco::estimator;
+use stridemap_returnmap::{
+    Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess,
+};
+use stridemap_robot::EstimatedRobot;
+
+use super::linked;
+use crate::args::Common;
+use crate::failure::Failure;
+use crate::output;
+
+/// Strides of a log that are left out, and why.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+struct LeftOut {
+    /// Nothing says what was asked for at their beginning.
+    without_action: usize,
+    /// The action before theirs is not known, and theirs depends on it.
+    after_unknown_action: usize,
+    /// Actions that were logged where no stride begins, or after the readings of their episode end.
+    actions_without_stride: usize,
+}
+
+/// What came of a log.
+#[derive(Debug, Serialize)]
+struct FromLog {
+    strides: usize,
+    aborted: usize,
+    left_out: LeftOut,
+    log: LogReport,
+}
+
+/// Makes strides from a robot's log.
+pub fn collect_from(
+    task: &str,
+    log: &Path,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
+    let task = builtin::load(task, &common.sets)?
+        .on(common.robot.map(Into::into), common.seed)?
+        .task;
+    let table = TransitionTable::new(&task.process_spec()?);
+    let (transitions, found) = strides_of_log(&task, log)?;
+    output::note(summary(&found));
+    if found.strides == 0 {
+        let why = match &found.log.notes[..] {
+            [] => "no action was logged where a stride begins".to_owned(),
+            notes => notes.join("; "),
+        };
+        let log = log.display();
+        return Err(Failure::working(format!("{log}: gives no strides: {why}")));
+    }
+    for note in &found.log.notes {
+        output::note(format!("{}: {note}", log.display()));
+    }
+    let mut rows = vec![table.header()];
+    rows.extend(transitions.iter().map(|t| table.row(t)));
+    match out {
+        Some(path) => {
+            files::write_whole(path, (rows.join("\n") + "\n").as_bytes())?;
+            let (strides, path, name) = (found.strides, path.display(), &task.name);
+            output::note(format!(
+                "{strides} strides; next: stridemap fit {path} --task {name}"
+            ));
+        }
+        None if common.json => {}
+        None => rows.iter().for_each(output::line),
+    }
+    if common.json {
+        return output::json(&found);
+    }
+    Ok(())
+}
+
+/// What was read and what was left out, in a line.
+fn summary(found: &FromLog) -> String {
+    let (log, out) = (&found.log, &found.left_out);
+    let counted = |n: u64, what: &str| (n > 0).then(|| format!("{n} {what}"));
+    let told = [
+        Some(format!(
+            "{} readings in {} episodes",
+            log.readings, log.episodes
+        )),
+        counted(log.missed, "periods without a reading"),
+        counted(log.unpaired, "joint states without the other sensors"),
+        counted(log.doubled, "messages that came twice"),
+        counted(log.late, "joint states too late"),
+        counted(log.unusable, "unusable messages"),
+        counted(log.unreadable, "unreadable messages"),
+        counted(log.outside, "messages outside of an episode"),
+        counted(log.lost, "joint states lost"),
+        Some(format!("{} strides", found.strides)),
+        counted(found.aborted as u64, "aborted"),
+        counted(out.without_action as u64, "left out for want of an action"),
+        counted(out.after_unknown_action as u64, "left out after such a one"),
+        counted(
+            out.actions_without_stride as u64,
+            "actions without a stride",
+        ),
+    ];
+    told.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// Between which values the last action lies: one value, until an action is not known.
+struct Applied {
+    low: ActionLaw,
+    high: ActionLaw,
+}
+
+impl Applied {
+    fn new(limits: &[ActionLimits]) -> Result<Self, ProcessError> {
+        let law = ActionLaw::new(limits.to_vec())?;
+        Ok(Self {
+            low: law.clone(),
+            high: law,
+        })
+    }
+
+    fn is_known(&self) -> bool {
+        /// What a law that forgets may leave of a difference.
+        const SAME: f64 = 1e-9;
+        let apart = self.low.last().iter().zip(self.high.last());
+        apart
+            .into_iter()
+            .all(|(low, high)| (high - low).abs() <= SAME)
+    }
+
+    fn apply(&mut self, wanted: Option<&[f64]>) -> Result<(), ProcessError> {
+        match wanted {
+            Some(wanted) => {
+                self.low.apply(wanted)?;
+                self.high.apply(wanted)?;
+            }
+            None => {
+                let bounds = |of: fn(&ActionLimits) -> f64, law: &ActionLaw| -> Action {
+                    law.limits().iter().map(of).collect()
+                };
+                self.low.reset_to(bounds(|l| l.lower, &self.low));
+                self.high.reset_to(bounds(|l| l.upper, &self.high));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What was asked for where a stride begins; `None` if nothing was logged there, or two different actions were.
+fn asked(actions: &[LoggedAction], now_s: f64, within_s: f64) -> Option<&LoggedAction> {
+    let near = |a: &&LoggedAction| (a.time_s - now_s).abs() <= within_s;
+    let nearest = actions.iter().filter(near).min_by(|a, b| {
+        (a.time_s - now_s)
+            .abs()
+            .total_cmp(&(b.time_s - now_s).abs())
+    })?;
+    let rival = |a: &LoggedAction| a.time_s.total_cmp(&nearest.time_s).is_eq() && a != nearest;
+    (!actions.iter().any(rival)).then_some(nearest)
+}
+
+fn held(repeated: &std::sync::Mutex<Repeated>) -> MutexGuard<'_, Repeated> {
+    repeated.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Strides from a log, and what could not be used.
+fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog), Failure> {
+    let link = task.link.clone().unwrap_or_default();
+    let (names, limits) = linked::joints(task)?;
+    let period_s = task.robot.control_period_s;
+    let (episodes, report) = read_log(log, &link, names.clone(), limits.clone(), period_s)?;
+    let machine = ReplayMachine::new(episodes, names, limits, period_s);
+    let repeated = machine.repeated();
+    let estimator = estimator(&linked::here(task).robot).map_err(LabError::from)?;
+    let robot = EstimatedRobot::new(machine, estimator).map_err(LabError::from)?;
+    let mut made = Made {
+        plant: task.plant_on(Box::new(robot))?,
+        limits: task.action_limits()?,
+        within_s: link.gap_s,
+        transitions: Vec::new(),
+        left_out: LeftOut::default(),
+        notes: report.notes.clone(),
+    };
+    let mut episode = 0;
+    while held(&repeated).left > 0 {
+        made.episode(episode, &repeated)?;
+        episode += 1;
+    }
+    let aborted = |t: &&Transition| t.end == StrideEnd::Aborted;
+    let aborted = made.transitions.iter().filter(aborted).count();
+    let found = FromLog {
+        strides: made.transitions.len() - aborted,
+        aborted,
+        left_out: made.left_out,
+        log: LogReport {
+            notes: made.notes,
+            ..report
+        },
+    };
+    Ok((made.transitions, found))
+}
+
+/// The strides made so far from a log.
+struct Made {
+    plant: Plant,
+    limits: Vec<ActionLimits>,
+    /// An action belongs to the section that is this near in time.
+    within_s: f64,
+    transitions: Vec<Transition>,
+    left_out: LeftOut,
+    notes: Vec<String>,
+}
+
+impl Made {
+    fn note(&mut self, episode: usize, why: &dyn std::fmt::Display) {
+        self.notes.push(format!("episode {episode}: {why}"));
+    }
+
+    /// The strides of the next episode.
+    fn episode(
+        &mut self,
+        episode: usize,
+        repeated: &std::sync::Mutex<Repeated>,
+    ) -> Result<(), Failure> {
+        let mut rng = stream(0, Role::Collect, 0);
+        let started = self.plant.reset(&mut rng);
+        let actions = std::mem::take(&mut held(repeated).actions);
+        let mut state = match started {
+            Ok(state) => state,
+            Err(error) => {
+                self.note(episode, &error);
+                self.left_out.actions_without_stride += actions.len();
+                return Ok(());
+            }
+        };
+        let mut applied = Applied::new(&self.limits).map_err(LabError::from)?;
+        let mut used = 0;
+        for k in 0.. {
+            let now_s = self.plant.robot().state().time_s;
+            if actions
+                .last()
+                .is_none_or(|a| a.time_s < now_s - self.within_s)
+            {
+                break;
+            }
+            let wanted = asked(&actions, now_s, self.within_s).map(|a| a.action.as_slice());
+            used += usize::from(wanted.is_some());
+            let (stance, last_action) = (self.plant.stance(), self.plant.last_action().clone());
+            let was_known = applied.is_known();
+            let guess = last_action.to_vec();
+            let stride = applied
+                .apply(wanted)
+                .and_then(|()| self.plant.stride(wanted.unwrap_or(&guess), &mut rng));
+            let stride = match stride {
+                Ok(stride) => stride,
+                Err(error) => {
+                    self.note(episode, &error);
+                    break;
+                }
+            };
+            if stride.end == StrideEnd::Aborted {
+                let why = self.plant.abort_reason().map(ToString::to_string);
+                self.note(episode, &why.unwrap_or_default());
+            }
+            if !applied.is_known() {
+                self.left_out.without_action += usize::from(wanted.is_none());
+                self.left_out.after_unknown_action += usize::from(wanted.is_some());
+            } else if !was_known {
+                self.left_out.after_unknown_action += 1;
+            } else {
+                self.transitions.push(Transition {
+                    iteration: 1,
+                    phase: StridePhase::Collect,
+                    role: StrideRole::Training,
+                    episode,
+                    k,
+                    time_s: self.plant.robot().state().time_s,
+                    stance,
+                    state,
+                    last_action,
+                    action: stride.action,
+                    next_state: stride.next_state.clone(),
+                    reward: stride.reward,
+                    end: stride.end,
+                    measures: *self.plant.last_measures(),
+                    true_psi_roll_deg: None,
+                    true_forward_m: None,
+                });
+            }
+            if stride.end != StrideEnd::Crossing {
+                break;
+            }
+            state = stride.next_state;
+        }
+        self.left_out.actions_without_stride += actions.len() - used;
+        Ok(())
+    }
+}
