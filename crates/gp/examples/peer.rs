@@ -77,6 +77,7 @@ fn options(dims: usize) -> FitOptions {
             signal_variance: Some(Range::new(6.2e-6, 8e3)),
             noise_variance: Some(Range::new(1e-6, 1e2)),
         },
+        starts: 1,
         ..FitOptions::default()
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::gp::Gp;
 use crate::hyper::Hyperparameters;
 use crate::kernel::Kernel;
-use crate::mean::Mean;
+use crate::mean::{Mean, spread};
 use crate::optimize::Stop;
 use crate::scores::LeaveOneOutScores;
 
@@ -34,9 +34,9 @@ pub enum Warning {
         /// Number of hyperparameters.
         parameters: usize,
     },
-    /// All targets are equal.
+    /// All targets are equal, to rounding.
     ConstantOutputs,
-    /// An input never changes, so its length scale means nothing.
+    /// An input never changes beyond rounding, so its length scale means nothing.
     ConstantInput {
         /// Zero-based column.
         dimension: usize,
@@ -70,6 +70,8 @@ pub enum Warning {
         /// Mean square standardized residual; 1 is honest.
         mean_square_standardized: f64,
     },
+    /// Points that are left out are predicted no better than by the mean of the others: the fit is all noise.
+    AllNoise,
     /// Without one of the points the mean's coefficients are not determined.
     LeaveOneOutUndetermined,
 }
@@ -106,6 +108,10 @@ impl fmt::Display for Warning {
             } => write!(
                 f,
                 "squared leave-one-out residuals are {mean_square_standardized:.2} times their variance"
+            ),
+            Self::AllNoise => write!(
+                f,
+                "points that are left out are predicted no better than by the mean: the fit is all noise"
             ),
             Self::LeaveOneOutUndetermined => {
                 write!(f, "without one of the points the mean is not determined")
@@ -211,18 +217,12 @@ impl Gp {
                 parameters,
             });
         }
-        if self.y.iter().all(|y| y.to_bits() == self.y[0].to_bits()) {
+        let spread_of_y = spread(&self.y);
+        if spread_of_y <= 0.0 {
             warnings.push(Warning::ConstantOutputs);
         }
-        for dimension in 0..self.dims {
-            let first = self.x[dimension].to_bits();
-            if self
-                .x
-                .iter()
-                .skip(dimension)
-                .step_by(self.dims)
-                .all(|x| x.to_bits() == first)
-            {
+        for (dimension, spread) in self.frame.spread.iter().enumerate() {
+            if *spread <= 0.0 {
                 warnings.push(Warning::ConstantInput { dimension });
             }
         }
@@ -238,8 +238,12 @@ impl Gp {
             None => warnings.push(Warning::LeaveOneOutUndetermined),
             Some(LeaveOneOutScores {
                 mean_square_standardized,
+                rmse,
                 ..
             }) => {
+                if spread_of_y > 0.0 && *rmse >= spread_of_y {
+                    warnings.push(Warning::AllNoise);
+                }
                 if !(HONEST.0..=HONEST.1).contains(mean_square_standardized) {
                     let mean_square_standardized = *mean_square_standardized;
                     warnings.push(Warning::Miscalibrated {

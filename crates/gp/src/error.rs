@@ -87,6 +87,20 @@ pub enum GpError {
         /// Number of coefficients of the mean.
         coefficients: usize,
     },
+    /// The matrices of a model are larger than what this machine has left.
+    #[error(
+        "a Gaussian process of {points} points needs {needed_gb:.1} GB of memory for this and the process may \
+         have {available_gb:.1} GB; take fewer points, or a sparse one with few inducing inputs \
+         (stridemap_gp::SparseGp), whose memory grows with their number only"
+    )]
+    Memory {
+        /// Number of training points `N`.
+        points: usize,
+        /// Memory needed, in 10⁹ bytes.
+        needed_gb: f64,
+        /// Memory left, in 10⁹ bytes.
+        available_gb: f64,
+    },
     /// What was asked for does not exist for this kind of model.
     #[error("{model} has no {feature}")]
     Unsupported {
@@ -95,7 +109,7 @@ pub enum GpError {
         /// What it does not have.
         feature: &'static str,
     },
-    /// A predictive variance is NaN, or negative by more than rounding explains.
+    /// A predictive variance is not finite, or negative by more than rounding explains.
     #[error("predictive variance at row {row} is {variance:e}")]
     Variance {
         /// Zero-based row of the query.

@@ -8,6 +8,7 @@ use crate::evidence::{Evidence, NoValue};
 use crate::gp::{Gp, check_data};
 use crate::hyper::Hyperparameters;
 use crate::mean::Frame;
+use crate::memory::check_memory;
 use crate::optimize::{Limits, Objective, Outcome, Stop, minimize};
 use crate::options::{FitOptions, Resolved};
 use crate::points::Points;
@@ -62,11 +63,12 @@ impl Gp {
     /// # Errors
     ///
     /// As [`Gp::condition`]; [`GpError::Parameter`], [`GpError::Range`] or [`GpError::Shape`] for
-    /// impossible options; [`GpError::NoStartSucceeded`] if no start could be evaluated.
+    /// impossible options; [`GpError::NoStartSucceeded`] if no start could be evaluated;
+    /// [`GpError::Memory`] if this machine cannot hold the matrices.
     ///
     /// # Cost
     ///
-    /// `O(N³)` time for each of about 20 evaluations a start; four matrices of `N²`.
+    /// `O(N³)` time for each of about 20 evaluations a start; three matrices of `N²`.
     ///
     /// # Example
     ///
@@ -88,6 +90,7 @@ impl Gp {
         rng: &mut R,
     ) -> Result<Self> {
         check_data(points, y)?;
+        check_memory(points.len(), 0)?;
         let frame = Frame::of(points.values(), points.dims());
         let resolved = options.resolve(&frame, y)?;
         let targets: Vec<f64> = y.iter().map(|y| y - resolved.offset).collect();
@@ -106,7 +109,10 @@ impl Gp {
             last: Vec::new(),
         };
         let (best, report) = search.run(options, rng)?;
-        if search.mean_failed && best.is_none() {
+        let mean_failed = search.mean_failed;
+        // Its matrices make room for the model's.
+        drop(search);
+        if mean_failed && best.is_none() {
             let coefficients = options.mean.coefficients(points.dims());
             return Err(GpError::MeanNotIdentifiable {
                 points: y.len(),

@@ -13,6 +13,7 @@ use crate::fit::FitReport;
 use crate::hyper::Hyperparameters;
 use crate::kernel::{Kernel, with_profile};
 use crate::mean::{Frame, Mean};
+use crate::memory::check_memory;
 use crate::panels::InverseFactor;
 use crate::points::Points;
 use crate::vector::padded;
@@ -130,6 +131,7 @@ impl Gp {
         frame: Frame,
     ) -> Result<Self> {
         hyperparameters.check(points.dims())?;
+        check_memory(points.len(), 0)?;
         let mut gp = Self {
             arch: Arch::new(),
             kernel,
@@ -166,8 +168,7 @@ impl Gp {
         self.z = Aligned::zeros(self.dims * self.stride);
         for (i, row) in self.x.chunks_exact(self.dims).enumerate() {
             for d in 0..self.dims {
-                self.z[d * self.stride + i] =
-                    (row[d] - self.frame.centre[d]) * self.inverse_scales[d];
+                self.z[d * self.stride + i] = self.frame.scaled(d, row[d], self.inverse_scales[d]);
             }
         }
     }

@@ -18,6 +18,7 @@
 use pulp::Simd;
 use serde::{Deserialize, Serialize};
 
+use crate::mean::FAR;
 use crate::vector::exp;
 
 /// A stationary covariance function with one length scale per input dimension.
@@ -49,7 +50,7 @@ impl Kernel {
     /// Covariance `σ_f² κ(r)` at squared scaled distance `squared_distance = r²`, without noise.
     #[must_use]
     pub fn covariance(self, squared_distance: f64, signal_variance: f64) -> f64 {
-        let q = squared_distance;
+        let q = squared_distance.clamp(0.0, FAR * FAR);
         let kappa = match self {
             Self::SquaredExponential => (-0.5 * q).exp(),
             Self::Matern32 => {
@@ -67,7 +68,7 @@ impl Kernel {
     /// Slope `σ_f² h(r) = −2 σ_f² dκ/d(r²)` at squared scaled distance `squared_distance = r²`.
     #[must_use]
     pub fn slope(self, squared_distance: f64, signal_variance: f64) -> f64 {
-        let q = squared_distance;
+        let q = squared_distance.clamp(0.0, FAR * FAR);
         let h = match self {
             Self::SquaredExponential => (-0.5 * q).exp(),
             Self::Matern32 => 3.0 * (-(3.0 * q).sqrt()).exp(),

@@ -33,33 +33,59 @@ impl Mean {
     }
 }
 
+/// So many length scales away there is nothing but the prior, and squares are still finite.
+pub(crate) const FAR: f64 = 1e150;
+
+/// Numbers that differ by less than this share of their size differ by rounding: `0.1 + 0.2` and `0.3`.
+const ROUNDING: f64 = 1e-12;
+
+/// Mean and standard deviation of some numbers; no deviation if they are equal to rounding.
+fn centre_and_spread<'v, I: Iterator<Item = &'v f64>>(values: &dyn Fn() -> I) -> (f64, f64) {
+    let first = values().next().copied().unwrap_or(0.0);
+    let count = values().count() as f64;
+    // About the first entry: equal numbers have exactly no spread.
+    let mean = first + values().map(|v| (v - first) / count).sum::<f64>();
+    let scale = values().fold(0.0_f64, |m, v| m.max((v - mean).abs()));
+    let size = values().fold(0.0_f64, |m, v| m.max(v.abs()));
+    if scale <= ROUNDING * size {
+        return (mean, 0.0);
+    }
+    let squares: f64 = values().map(|v| ((v - mean) / scale).powi(2)).sum();
+    (mean, scale * (squares / count).sqrt())
+}
+
+/// Standard deviation of some numbers; exactly zero if they are equal to rounding, within 10⁻¹² of their size.
+///
+/// # Example
+///
+/// ```
+/// use stridemap_gp::spread;
+///
+/// assert_eq!(spread(&[1.0, 3.0]), 1.0);
+/// assert_eq!(spread(&[0.3, 0.1 + 0.2, 0.3]), 0.0);
+/// ```
+#[must_use]
+pub fn spread(values: &[f64]) -> f64 {
+    centre_and_spread(&|| values.iter()).1
+}
+
 /// Centre and spread of each input column: the frame in which distances and the linear mean are
 /// computed, so that neither a far origin nor unlike units cost digits.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Frame {
     /// Mean of each column.
     pub(crate) centre: Vec<f64>,
-    /// Standard deviation of each column, zero for a constant one.
+    /// Standard deviation of each column, zero for one that is constant to rounding.
     pub(crate) spread: Vec<f64>,
 }
 
 impl Frame {
     /// Frame of row-major `x` with `dims` columns.
     pub(crate) fn of(x: &[f64], dims: usize) -> Self {
-        let points = (x.len() / dims) as f64;
         let mut centre = vec![0.0; dims];
         let mut spread = vec![0.0; dims];
         for d in 0..dims {
-            let column = || x.iter().skip(d).step_by(dims);
-            let first = x[d];
-            // About the first entry: a column of equal numbers has exactly no spread.
-            let mean = first + column().map(|v| (v - first) / points).sum::<f64>();
-            let scale = column().fold(0.0_f64, |m, v| m.max((v - mean).abs()));
-            if scale > 0.0 {
-                let squares: f64 = column().map(|v| ((v - mean) / scale).powi(2)).sum();
-                spread[d] = scale * (squares / points).sqrt();
-            }
-            centre[d] = mean;
+            (centre[d], spread[d]) = centre_and_spread(&|| x.iter().skip(d).step_by(dims));
         }
         Self { centre, spread }
     }
@@ -75,6 +101,11 @@ impl Frame {
                 out[1 + d] = (x[d] - self.centre[d]) / self.spread_or_one(d);
             }
         }
+    }
+
+    /// Input `d` in length scales, given their inverse. Beyond what can be squared all points are equally far.
+    pub(crate) fn scaled(&self, d: usize, x: f64, inverse_scale: f64) -> f64 {
+        ((x - self.centre[d]) * inverse_scale).clamp(-FAR, FAR)
     }
 
     pub(crate) fn spread_or_one(&self, d: usize) -> f64 {

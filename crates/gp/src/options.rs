@@ -169,7 +169,8 @@ pub struct FitOptions {
     pub standardize_inputs: bool,
     /// Subtract the mean of `y`, and read variances in variances of `y`.
     pub standardize_outputs: bool,
-    /// Number of searches; the first from `start`, the others from random places; at least 1.
+    /// Number of searches; the first from `start`, the others from random places; at least 1. Default: 5, since
+    /// one alone may end where everything is noise.
     pub starts: usize,
     /// Evaluations of the evidence after which one search stops.
     pub max_evaluations: usize,
@@ -187,7 +188,7 @@ impl Default for FitOptions {
             priors: Priors::default(),
             standardize_inputs: false,
             standardize_outputs: false,
-            starts: 1,
+            starts: 5,
             max_evaluations: 200,
             tolerance_nats: 1e-6,
         }
@@ -250,7 +251,9 @@ impl FitOptions {
             columns.centre[0]
         };
         let size = y.iter().fold(0.0_f64, |m, v| m.max((v - about).abs()));
-        let y_scale = if size > 0.0 {
+        let constant =
+            columns.spread[0] <= 0.0 && (self.standardize_outputs || self.mean != Mean::Zero);
+        let y_scale = if size > 0.0 && !constant {
             let squares: f64 = y.iter().map(|v| ((v - about) / size).powi(2)).sum();
             size * (squares / y.len() as f64).sqrt()
         } else {

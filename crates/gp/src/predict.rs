@@ -146,7 +146,7 @@ impl Gp {
                 // The last group is filled up with its last query.
                 let x = points.row(first + q.min(count - 1));
                 for d in 0..self.dims {
-                    z[d * GROUP + q] = (x[d] - self.frame.centre[d]) * self.inverse_scales[d];
+                    z[d * GROUP + q] = self.frame.scaled(d, x[d], self.inverse_scales[d]);
                 }
             }
             let (means, explained) = with_profile!(self.kernel, profile => {
@@ -169,7 +169,7 @@ impl Gp {
         check_finite("x", x, self.dims)?;
         let (k, z) = buffer.split_at_mut(self.stride);
         for d in 0..self.dims {
-            z[d] = (x[d] - self.frame.centre[d]) * self.inverse_scales[d];
+            z[d] = self.frame.scaled(d, x[d], self.inverse_scales[d]);
         }
         let (mean, explained) = with_profile!(self.kernel, profile => {
             self.arch.dispatch(Moments { profile, gp: self, z, k })
@@ -181,6 +181,7 @@ impl Gp {
         if self.mean != Mean::Zero {
             let mut rest = [0.0; SMALL];
             self.with_trend(x, k, &mut rest, &mut prediction);
+            check_finite("predicted mean", &[prediction.mean], 1)?;
         }
         prediction.latent_variance = self.checked_variance(prediction.latent_variance)?;
         Ok(prediction)
@@ -211,7 +212,8 @@ impl Gp {
     /// Rounds a variance that is negative by rounding up to zero, and refuses any worse.
     pub(crate) fn checked_variance(&self, variance: f64) -> Result<f64> {
         // NaN must not reach `max`, which would turn it into zero.
-        if variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance {
+        let signal_variance = self.hyperparameters.signal_variance;
+        if variance.is_finite() && variance >= -VARIANCE_ROUND_OFF * signal_variance {
             Ok(variance.max(0.0))
         } else {
             Err(GpError::Variance { row: 0, variance })

@@ -9,8 +9,10 @@
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 use stridemap_gp::{
     Bounds, Draw, FitOptions, Gp, GpError, Hyperparameters, Kernel, Mean, Points, Range, Scratch,
+    Warning,
 };
 
 const KERNELS: [Kernel; 3] = [
@@ -306,4 +308,145 @@ fn a_cut_or_changed_file_is_a_clear_error() {
             ..
         })
     ));
+}
+
+/// However far a query is, and in whatever direction: the prior, or, where a linear mean has no value, an error.
+#[test]
+fn very_far_from_the_data_is_the_prior() {
+    let (x, y) = ([0.0, 1.0, 2.5, 4.0], [1.0, 0.5, -0.5, 0.25]);
+    let points = Points::new(&x, 1).unwrap();
+    for kernel in KERNELS {
+        for mean in MEANS {
+            let hyperparameters = Hyperparameters {
+                length_scales: vec![0.5],
+                signal_variance: 2.0,
+                noise_variance: 0.1,
+            };
+            let gp = Gp::condition(points, &y, kernel, mean, hyperparameters).unwrap();
+            let level = gp.mean_coefficients().first().copied().unwrap_or(0.0);
+            for far in [1e10, 1e153, 1e154, 1e155, 1e200, 1e300, f64::MAX, -f64::MAX] {
+                let (mut m, mut v) = ([0.0], [0.0]);
+                let (mut dm, mut dv) = ([0.0], [0.0]);
+                let mut scratch = Scratch::new();
+                let query = [far];
+                let batch = gp.predict_batch(
+                    Points::new(&query, 1).unwrap(),
+                    &mut m,
+                    &mut v,
+                    &mut scratch,
+                );
+                let gradient = gp.predict_gradient(&[far], &mut dm, &mut dv, &mut scratch);
+                match gp.predict(&[far]) {
+                    Ok(at) => {
+                        batch.unwrap();
+                        gradient.unwrap();
+                        for value in [at.mean, at.latent_variance, m[0], v[0], dm[0], dv[0]] {
+                            assert!(value.is_finite(), "{kernel:?} {mean:?} at {far}");
+                        }
+                        if mean != Mean::Linear {
+                            assert!(
+                                (at.mean - level).abs() < 1e-12 && (m[0] - level).abs() < 1e-12
+                            );
+                            assert!(at.latent_variance >= 2.0 - 1e-12 && v[0] >= 2.0 - 1e-12);
+                        }
+                    }
+                    Err(_) => assert!(mean == Mean::Linear && far.abs() > 1e100),
+                }
+            }
+        }
+        assert_eq!(kernel.covariance(f64::INFINITY, 2.0).to_bits(), 0);
+        assert_eq!(kernel.slope(f64::INFINITY, 2.0).to_bits(), 0);
+    }
+}
+
+/// `0.3` and `0.1 + 0.2` are one number to the robot: such an input is one that never changes.
+#[test]
+fn an_input_constant_to_rounding_is_constant() {
+    let x: Vec<f64> = (0..40)
+        .flat_map(|i| [0.1 * f64::from(i), if i % 3 == 0 { 0.3 } else { 0.1 + 0.2 }])
+        .collect();
+    let y: Vec<f64> = x.chunks_exact(2).map(|x| x[0].sin()).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let gp = Gp::fit(
+        Points::new(&x, 2).unwrap(),
+        &y,
+        &FitOptions::default(),
+        &mut rng,
+    )
+    .unwrap();
+    let warnings = gp.card().warnings;
+    assert!(
+        warnings.contains(&Warning::ConstantInput { dimension: 1 }),
+        "{warnings:?}"
+    );
+    assert!(gp.hyperparameters().length_scales[1] > 1e-2);
+    // At 1e-10 beside the column the map is what it is on it.
+    let (on, beside) = (
+        gp.predict(&[2.0, 0.3]).unwrap(),
+        gp.predict(&[2.0, 0.3 + 1e-10]).unwrap(),
+    );
+    assert!((on.mean - beside.mean).abs() < 1e-6 && (on.mean - 2.0_f64.sin()).abs() < 1e-2);
+    // Targets that differ by rounding are equal.
+    let level: Vec<f64> = (0..40)
+        .map(|i| if i % 2 == 0 { 0.3 } else { 0.1 + 0.2 })
+        .collect();
+    let options = FitOptions {
+        mean: Mean::Constant,
+        ..FitOptions::default()
+    };
+    let gp = Gp::fit(Points::new(&x, 2).unwrap(), &level, &options, &mut rng).unwrap();
+    assert!(gp.card().warnings.contains(&Warning::ConstantOutputs));
+    assert!((gp.predict(&[1.0, 0.3]).unwrap().mean - 0.3).abs() < 1e-12);
+}
+
+/// One search may end where everything is noise; the default makes more, and the card says it of one that did.
+#[test]
+fn a_wave_is_not_fitted_as_noise() {
+    for seed in 1..=5 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let x: Vec<f64> = (0..100).map(|i| 5.0 * f64::from(i) / 99.0).collect();
+        let noise = |rng: &mut ChaCha8Rng| -> f64 { StandardNormal.sample(rng) };
+        let y: Vec<f64> = x
+            .iter()
+            .map(|x| (5.0 * x).sin() + 0.05 * noise(&mut rng))
+            .collect();
+        let points = Points::new(&x, 1).unwrap();
+        let gp = Gp::fit(points, &y, &FitOptions::default(), &mut rng).unwrap();
+        assert!(
+            gp.log_marginal_likelihood() > 80.0,
+            "seed {seed}: {}",
+            gp.log_marginal_likelihood()
+        );
+        assert!(!gp.card().warnings.contains(&Warning::AllNoise));
+        let one = FitOptions {
+            starts: 1,
+            ..FitOptions::default()
+        };
+        let flat = Gp::fit(points, &y, &one, &mut rng).unwrap();
+        if flat.log_marginal_likelihood() < 0.0 {
+            assert!(flat.card().warnings.contains(&Warning::AllNoise));
+        }
+    }
+}
+
+/// A fit that this machine cannot hold is refused before its memory is asked for.
+#[test]
+fn a_fit_beyond_the_memory_is_refused_with_the_numbers() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let n = 3_000_000;
+    let x: Vec<f64> = (0..n).map(f64::from).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let error = Gp::fit(
+        Points::new(&x, 1).unwrap(),
+        &x,
+        &FitOptions::default(),
+        &mut rng,
+    )
+    .unwrap_err();
+    assert!(
+        matches!(error, GpError::Memory { points: 3_000_000, needed_gb, .. } if needed_gb > 200_000.0)
+    );
+    assert!(error.to_string().contains("SparseGp"), "{error}");
 }

@@ -8,7 +8,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
-use stridemap_gp::{Gp, Points, Scratch};
+use stridemap_gp::{Gp, Points, Scratch, check_memory};
 
 use crate::action_law::{ActionLaw, ActionLimits};
 use crate::map_config::{MapConfig, MapDraw, MapStart};
@@ -112,6 +112,7 @@ impl LearnedMap {
     ) -> Result<Self, ProcessError> {
         let (states, actions) = (world.spec.state.len(), world.spec.action.len());
         config.validate(states, actions)?;
+        check_memory(samples.len(), states + usize::from(world.reward.is_none()))?;
         let dims = config.dims(states, actions);
         let mut inputs = Vec::with_capacity(samples.len() * dims);
         for s in samples {

@@ -119,6 +119,14 @@ impl MapConfig {
                 "must name each input once",
             );
         }
+        let beyond = |components: &Vec<usize>| components.iter().find(|i| **i >= actions).copied();
+        if let Some(i) = self.remembered.as_ref().and_then(beyond) {
+            return bad(
+                "map.remembered",
+                i as f64,
+                "must be a component of the action",
+            );
+        }
         if self.starts == 0 {
             return bad("map.starts", 0.0, "must be at least 1");
         }
@@ -247,7 +255,11 @@ impl MapConfig {
             let n = values.len() as f64;
             let mean = values.iter().sum::<f64>() / n;
             let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
-            if variance > 0.0 { variance.sqrt() } else { 1.0 }
+            if stridemap_gp::spread(&values) > 0.0 {
+                variance.sqrt()
+            } else {
+                1.0
+            }
         };
         let length_scales = self.min_length_scales.as_ref().map(|lower| {
             let dims = lower.len();

@@ -4,7 +4,7 @@ use rand::Rng;
 use rand::seq::index;
 
 use super::bound::Bound;
-use super::{SparseGp, SparseOptions, in_frame};
+use super::{SparseGp, SparseOptions, check_memory, in_frame};
 use crate::error::{GpError, Result};
 use crate::fit::{FitReport, StartReport};
 use crate::gp::check_data;
@@ -72,6 +72,7 @@ impl SparseGp {
             let (model, feature) = ("a sparse Gaussian process", "mean other than zero");
             return Err(GpError::Unsupported { model, feature });
         }
+        check_memory(n, m)?;
         let frame = Frame::of(points.values(), dims);
         let resolved = options.fit.resolve(&frame, y)?;
         let targets: Vec<f64> = y.iter().map(|y| y - resolved.offset).collect();

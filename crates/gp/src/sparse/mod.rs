@@ -16,7 +16,8 @@ use crate::fit::FitReport;
 use crate::gp::check_data;
 use crate::hyper::Hyperparameters;
 use crate::kernel::{Kernel, Profile, with_profile};
-use crate::mean::Frame;
+use crate::mean::{FAR, Frame};
+use crate::memory::room_for;
 use crate::multi::Draw;
 use crate::options::FitOptions;
 use crate::panels::{InverseFactor, NormSquared};
@@ -142,6 +143,7 @@ impl SparseGp {
         if inducing.is_empty() {
             return Err(GpError::Empty { what: "inducing" });
         }
+        check_memory(points.len(), inducing.len())?;
         let frame = Frame::of(points.values(), points.dims());
         let scaled = in_frame(points.values(), &frame);
         let mut bound = Bound::new(
@@ -229,7 +231,8 @@ impl SparseGp {
     fn scale_inducing(&mut self) {
         for (i, row) in self.inducing.chunks_exact(self.dims).enumerate() {
             for d in 0..self.dims {
-                self.z[d * self.stride + i] = (row[d] - self.centre[d]) * self.inverse_scales[d];
+                self.z[d * self.stride + i] =
+                    ((row[d] - self.centre[d]) * self.inverse_scales[d]).clamp(-FAR, FAR);
             }
         }
     }
@@ -303,14 +306,16 @@ impl SparseGp {
         check_finite("x", x, self.dims)?;
         let (k, z) = buffer.split_at_mut(self.stride);
         for d in 0..self.dims {
-            z[d] = (x[d] - self.centre[d]) * self.inverse_scales[d];
+            z[d] = ((x[d] - self.centre[d]) * self.inverse_scales[d]).clamp(-FAR, FAR);
         }
         let z = &z[..self.dims];
         let (mean, variance) = with_profile!(self.kernel, profile => {
             self.arch.dispatch(Moments { profile, gp: self, z, k })
         });
         // As in exact regression: rounding becomes zero, anything worse is refused.
-        if !(variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance) {
+        if !(variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance)
+            || variance.is_infinite()
+        {
             return Err(GpError::Variance { row: 0, variance });
         }
         Ok(Prediction {
@@ -383,6 +388,12 @@ impl SparseGp {
 
 /// Largest negative latent variance, relative to the prior variance, that is put down to rounding.
 const VARIANCE_ROUND_OFF: f64 = 1e-7;
+
+/// Requires room for two matrices of `N × M` and six of `M × M`.
+fn check_memory(points: usize, inducing: usize) -> Result<()> {
+    let (n, m) = (points as f64, inducing as f64);
+    room_for(points, 2.0 * n * m + 6.0 * m * m)
+}
 
 /// Row-major inputs, centred and in spreads.
 fn in_frame(x: &[f64], frame: &Frame) -> Vec<f64> {
