@@ -136,9 +136,12 @@ pub(crate) fn check_number(
     holds: bool,
     domain: &'static str,
 ) -> Result<(), LearnError> {
-    if value.is_finite() && holds {
-        Ok(())
-    } else {
-        Err(LearnError::parameter(field, value, domain))
+    if !(value.is_finite() && holds) {
+        return Err(LearnError::parameter(field, value, domain));
     }
+    // Sums and products of larger ones may not be finite.
+    if value.abs() > 1e12 {
+        return Err(LearnError::parameter(field, value, "at most 1e12 in size"));
+    }
+    Ok(())
 }

@@ -182,7 +182,8 @@ impl NormalizedGaussianNetwork {
         for centre in self.centres.chunks_exact(self.widths.len()) {
             let mut square = if valid { 0.0 } else { f64::NAN };
             for ((x, c), s) in state.iter().zip(centre).zip(&self.widths) {
-                let z = (x - c) / s;
+                // Beyond what can be squared all bases are equally far.
+                let z = ((x - c) / s).clamp(-1e150, 1e150);
                 square += z * z;
             }
             let exponent = -0.5 * square;

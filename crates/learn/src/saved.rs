@@ -187,7 +187,14 @@ impl Linear {
         check_length("std", self.std.len(), m)?;
         check_length("feedback_limit", self.limit.len(), m)?;
         for &l in &self.limit {
-            check_number("feedback_limit", l, l >= 0.0, "finite and not negative")?;
+            // Any size: the largest number of all says that there is no limit.
+            if !(l.is_finite() && l >= 0.0) {
+                return Err(LearnError::parameter(
+                    "feedback_limit",
+                    l,
+                    "finite and not negative",
+                ));
+            }
         }
         if !self.gain.is_empty() {
             check_length("gain", self.gain.len(), m)?;

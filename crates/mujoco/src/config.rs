@@ -294,11 +294,18 @@ impl MujocoConfig {
                 "a finite number >= 0",
             )
         };
-        positive("control_period_s", self.control_period_s)?;
+        // A tick makes as many physics steps as go into it, and a delay as many ticks.
+        for (field, value, least) in [
+            ("control_period_s", Some(self.control_period_s), 1e-4),
+            ("time_step_s", self.time_step_s, 1e-6),
+        ] {
+            let good = value.is_none_or(|value| (least..=1.0).contains(&value));
+            let allowed = "a tenth of a millisecond (a physics step: a microsecond) to 1 s";
+            check(field, value.unwrap_or(0.0), good, allowed)?;
+        }
         positive("mass_scale", self.mass_scale)?;
         positive("velocity_limit_rad_s", self.velocity_limit_rad_s)?;
         for (field, value) in [
-            ("time_step_s", self.time_step_s),
             ("friction", self.friction),
             ("kp_nm_rad", self.kp_nm_rad),
             ("torque_limit_nm", self.torque_limit_nm),
