@@ -2,8 +2,23 @@
 
 use std::path::PathBuf;
 
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use stridemap_lab::LearnerKind;
+
+/// Most seeds of one command.
+const SEEDS: u64 = 10_000;
+
+/// Most strides of one command: a week of walking.
+const STRIDES: u64 = 1_000_000;
+
+/// Most threads: more than any machine has processors to run them on.
+const THREADS: u64 = 1_024;
+
+/// A whole number from 1 to `most`, refused with both where it is none.
+fn count<T: TryFrom<u64> + Clone + Send + Sync>(most: u64) -> RangedU64ValueParser<T> {
+    RangedU64ValueParser::new().range(1..=most)
+}
 
 /// Improves an existing walking controller from a few dozen real steps.
 #[derive(Debug, Parser)]
@@ -52,7 +67,7 @@ pub struct Common {
     #[arg(long)]
     pub json: bool,
     /// Threads for work over several seeds; results do not depend on it. Default: all processors.
-    #[arg(long)]
+    #[arg(long, value_parser = count::<usize>(THREADS))]
     pub threads: Option<usize>,
 }
 
@@ -211,7 +226,7 @@ pub enum Command {
         #[arg(long, value_name = "X", conflicts_with = "resume")]
         until_error: Option<f64>,
         /// Runs this many seeds, SEED, SEED+1, ..., in parallel, and sums them up.
-        #[arg(long)]
+        #[arg(long, value_parser = count::<u64>(SEEDS))]
         seeds: Option<u64>,
         /// Options shared by most commands.
         #[command(flatten)]
@@ -263,7 +278,7 @@ pub enum Command {
         /// A run directory.
         run: PathBuf,
         /// Strides averaged, after the first 10.
-        #[arg(long, default_value_t = 100)]
+        #[arg(long, default_value_t = 100, value_parser = count::<usize>(STRIDES))]
         strides: usize,
         /// Measures the nominal gait instead.
         #[arg(long)]
@@ -301,7 +316,7 @@ pub enum Command {
         #[arg(long, default_value_t = 0.2)]
         duration: f64,
         /// Strides in all.
-        #[arg(long, default_value_t = 160)]
+        #[arg(long, default_value_t = 160, value_parser = count::<usize>(STRIDES))]
         strides: usize,
         /// Pushes the nominal gait instead.
         #[arg(long)]
@@ -327,7 +342,7 @@ pub enum Command {
         /// A built-in task (stepping, walking, ...) or the path of a task file.
         task: String,
         /// Seeds: SEED, SEED+1, ...
-        #[arg(long, default_value_t = 5)]
+        #[arg(long, default_value_t = 5, value_parser = count::<u64>(SEEDS))]
         seeds: u64,
         /// Writes the figures and their data into this directory. Default: runs/compare-TASK-SEED.
         #[arg(long)]
@@ -353,7 +368,7 @@ pub enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
         /// Seeds behind Figs. 8 and 9, the table and `samples`. Single runs are drawn of the first.
-        #[arg(long, default_value_t = 5)]
+        #[arg(long, default_value_t = 5, value_parser = count::<u64>(SEEDS))]
         seeds: u64,
         /// Options shared by most commands.
         #[command(flatten)]

@@ -75,10 +75,19 @@ fn expected_strides(task: &Task, done: usize, learned: usize) -> usize {
     let most = task.algorithm.iterations;
     let (mut iterations, mut strides) = (done, learned);
     let budget = task.algorithm.strides_at_most.unwrap_or(usize::MAX);
-    while iterations < most && strides < budget {
+    // One by one while the task lists their strides; all that follow are alike.
+    while iterations < most.min(counts.len()) && strides < budget {
         strides = (strides + collected(iterations) + per_iteration).min(budget);
         iterations += 1;
     }
+    let each = collected(iterations) + per_iteration;
+    let left = budget.saturating_sub(strides);
+    let more = if each == 0 { most } else { left.div_ceil(each) };
+    let more = more.min(most.saturating_sub(iterations));
+    iterations += more;
+    strides = strides
+        .saturating_add(more.saturating_mul(each))
+        .min(budget.max(strides));
     strides + iterations * measured_strides(task, true) + 2 * measured_strides(task, false)
 }
 
@@ -249,7 +258,7 @@ impl RunProgress {
 }
 
 /// Seconds as one reads them on a clock.
-fn duration(seconds: f64) -> String {
+pub fn duration(seconds: f64) -> String {
     let whole = seconds.round() as u64;
     match whole {
         0..60 => format!("{whole} s"),
@@ -408,6 +417,13 @@ mod tests {
         // walking: 100 and proofs of 60 up to 300 strides; 60 s, about 109 strides, for each policy.
         let task = stridemap_lab::builtin::load("walking", &[]).unwrap().task;
         assert_eq!(expected_strides(&task, 0, 0), 300 + 4 * 109 + 2 * 109);
+        // 10,000 iterations of 16 and 12 strides but for the first, which has 20: without counting them.
+        let mut task = stridemap_lab::builtin::load("stepping", &[]).unwrap().task;
+        task.algorithm.iterations = 10_000;
+        assert_eq!(
+            expected_strides(&task, 0, 0),
+            4 + 10_000 * (28 + 40) + 2 * 110
+        );
     }
 
     #[test]

@@ -27,6 +27,7 @@ use crate::seed::{Role, stream};
 use crate::strides::{
     ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive, make_strides,
 };
+use crate::suffices::FEWEST;
 use crate::task::Task;
 use crate::trust::Region;
 use crate::walk::{Walk, Walker};
@@ -702,8 +703,6 @@ pub fn fit_map(
     seed: u64,
     iteration: usize,
 ) -> Result<LearnedMap, LabError> {
-    /// With fewer strides than this a Gaussian process has nothing to say.
-    const FEWEST: usize = 3;
     let samples: Vec<MapSample> = transitions
         .iter()
         .filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)

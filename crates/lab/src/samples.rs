@@ -8,7 +8,7 @@ use crate::plant::PlantCounters;
 use crate::strides::{Batch, Transition};
 
 /// Strides of a part of a batch that goes on until the map is good enough.
-const PART: usize = 20;
+pub(crate) const PART: usize = 20;
 /// Such a batch ends here even if it is not, unless the task's budget is smaller.
 const AT_MOST: usize = 400;
 
@@ -30,7 +30,7 @@ pub fn one_step_error(map: &LearnedMap) -> Result<f64, LabError> {
         let mean = targets.iter().sum::<f64>() / n;
         let spread = targets.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
         let squares = residuals.iter().map(|r| r * r).sum::<f64>();
-        if spread > 0.0 {
+        if stridemap_gp::spread(targets) > 0.0 {
             largest = largest.max((squares / spread).sqrt());
         }
     }
@@ -69,11 +69,9 @@ pub fn unseen_error(map: &LearnedMap, strides: &[Transition]) -> Result<f64, Lab
     }
     let mut largest: f64 = 0.0;
     for i in 0..components {
-        let spread: f64 = reached
-            .iter()
-            .map(|t| (t.next_state[i] - means[i]).powi(2))
-            .sum();
-        if spread > 0.0 {
+        let values: Vec<f64> = reached.iter().map(|t| t.next_state[i]).collect();
+        let spread: f64 = values.iter().map(|x| (x - means[i]).powi(2)).sum();
+        if stridemap_gp::spread(&values) > 0.0 {
             largest = largest.max((squares[i] / spread).sqrt());
         }
     }

@@ -287,6 +287,7 @@ impl Task {
     pub fn validate(&self) -> Result<(), LabError> {
         let invalid =
             |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
+        crate::numbers::check(self)?;
         self.robot.validate()?;
         self.gait.validate()?;
         self.section.validate()?;
@@ -478,7 +479,7 @@ impl Task {
         if actor_critic {
             self.learner.actor_critic.validate()?;
         }
-        Ok(())
+        crate::suffices::check(self)
     }
 
     /// The learner has what it needs.
@@ -542,8 +543,16 @@ impl Task {
                 }
             }
             LearnerKind::BayesOpt | LearnerKind::CmaEs => {
-                if self.controls()?.population < 4 {
+                let controls = self.controls()?;
+                if controls.population < 4 {
                     return invalid("learner.controls.population", "must be at least 4".into());
+                }
+                if controls.first_std_units <= 0.0 || controls.ucb_stds < 0.0 {
+                    return invalid(
+                        "learner.controls",
+                        "needs a positive first_std_units and a ucb_stds that is not negative"
+                            .into(),
+                    );
                 }
             }
             LearnerKind::Integral => {

@@ -64,9 +64,6 @@ pub fn evaluate(
     nominal: bool,
     common: &Common,
 ) -> Result<(), Failure> {
-    if strides == 0 {
-        return Err(Failure::request("--strides must be at least 1"));
-    }
     let (task, policy, falls) = task_and_policy(path, nominal, common)?;
     let doing = Doing::apply(format!("make {strides} strides to measure a policy"), falls);
     let beside = beside_run(&task, Some(path))?;

@@ -2,10 +2,11 @@
 //! [`apply`](super::apply)).
 
 use std::path::Path;
+use std::time::Instant;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
-use stridemap_lab::{Algorithm, Performance, Phase, Progress, Task, builtin, fit_map};
+use stridemap_lab::{Algorithm, Performance, Phase, Progress, Task, Transition, builtin, fit_map};
 use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
 use super::beside::Doing;
@@ -13,7 +14,7 @@ use super::{linked, provenance, run_path};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
-use crate::progress::{RunProgress, stop_flag};
+use crate::progress::{RunProgress, duration, stop_flag};
 
 /// Makes the next batch of strides: starts a run of a task, or goes on with a run.
 pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
@@ -116,7 +117,7 @@ pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Re
         let run = FinishedRun::open(source, &common.sets)?;
         let iteration = run.progress.iterations.len();
         let seed = run.provenance.seed;
-        let map = fit_map(&run.task, &run.progress.transitions, seed, iteration)?;
+        let map = fit_said(&run.task, &run.progress.transitions, seed, iteration)?;
         (
             map,
             iteration,
@@ -126,7 +127,7 @@ pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Re
         let task = builtin::load(task, &common.sets)?.task;
         let table = TransitionTable::new(&task.process_spec()?);
         let transitions = table.read(source, None)?;
-        (fit_map(&task, &transitions, common.seed, 1)?, 1, None)
+        (fit_said(&task, &transitions, common.seed, 1)?, 1, None)
     };
     let saved = map
         .to_saved(iteration)
@@ -136,6 +137,35 @@ pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Re
         output::note(format!("wrote {}", path.display()));
     }
     show_map(&map, &saved, common.json)
+}
+
+/// Fits a map; says beforehand how long a large one takes, and refuses one for which there is no memory.
+fn fit_said(
+    task: &Task,
+    transitions: &[Transition],
+    seed: u64,
+    iteration: usize,
+) -> Result<LearnedMap, Failure> {
+    /// Strides beyond which a fit takes longer than one likes to wait without a word.
+    const LARGE: usize = 1500;
+    /// Strides by which the time is measured.
+    const SAMPLE: usize = 500;
+    let strides = transitions.len();
+    stridemap_gp::check_memory(strides, task.state.len() + 1)
+        .map_err(|error| Failure::request(error.to_string()))?;
+    if strides > LARGE {
+        let started = Instant::now();
+        let sample = fit_map(task, &transitions[..SAMPLE], seed, iteration);
+        let ratio = strides as f64 / SAMPLE as f64;
+        let seconds = started.elapsed().as_secs_f64() * ratio.powi(3);
+        if sample.is_ok() {
+            output::note(format!(
+                "fitting {strides} strides takes about {}: the time grows with the cube of their number",
+                duration(seconds)
+            ));
+        }
+    }
+    Ok(fit_map(task, transitions, seed, iteration)?)
 }
 
 fn show_map(map: &LearnedMap, saved: &SavedMap, json: bool) -> Result<(), Failure> {

@@ -78,7 +78,7 @@ impl<'de> Deserializer<'de> for &'de Node {
             && number.is_finite()
             && number.abs() > f64::from(f32::MAX)
         {
-            return Err(out_of_range(self, "a number below 3.4e38 in size, or inf"));
+            return Err(out_of_range(self, "a number below 3.4e38 in size"));
         }
         self.deserialize_f64(visitor)
     }

@@ -246,7 +246,7 @@ fn values_like(
 }
 
 /// Calls `visit(key, origin of the key, value, path)` for everything below a node.
-fn walk(
+pub(crate) fn walk(
     node: &Node,
     path: &mut Vec<String>,
     visit: &mut impl FnMut(Option<&str>, &Origin, &Node, &[String]),

@@ -1,5 +1,6 @@
 //! A child laid over its parent, and one `--set` laid over both.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -22,9 +23,12 @@ pub(super) fn merge(parent: &mut Node, child: Node) {
     let origin = child.origin;
     match (&mut parent.content, child.content) {
         (Content::Table(below), Content::Table(above)) => {
+            let keys = below.entries.iter().enumerate();
+            let places: HashMap<String, usize> = keys.map(|(at, e)| (e.key.clone(), at)).collect();
             for entry in above.entries {
-                match below.get_mut(&entry.key) {
-                    Some(twin) => {
+                match places.get(&entry.key) {
+                    Some(&at) => {
+                        let twin = &mut below.entries[at];
                         twin.key_origin = entry.key_origin;
                         merge(&mut twin.value, entry.value);
                     }

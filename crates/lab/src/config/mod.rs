@@ -90,9 +90,11 @@ mod write;
 mod tests;
 
 pub use document::Document;
+pub(crate) use error::walk;
 pub use error::{ConfigError, Problem};
 pub use load::{ResolveError, TaskText, resolver};
 pub use node::{Content, Entry, Node, Origin, Source, Table};
 pub use path::KeyPath;
+pub(crate) use serialize::to_node;
 pub use serialize::to_toml;
 pub use suggest::nearest;

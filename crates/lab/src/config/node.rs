@@ -183,10 +183,15 @@ impl Node {
     pub fn same_value(&self, other: &Node) -> bool {
         match (&self.content, &other.content) {
             (Content::Table(a), Content::Table(b)) => {
+                let sorted = |table: &'_ Table| {
+                    let mut entries: Vec<usize> = (0..table.entries.len()).collect();
+                    entries.sort_by_key(|&at| &table.entries[at].key);
+                    entries
+                };
                 a.entries.len() == b.entries.len()
-                    && a.entries.iter().all(|entry| {
-                        b.get(&entry.key)
-                            .is_some_and(|twin| entry.value.same_value(&twin.value))
+                    && sorted(a).into_iter().zip(sorted(b)).all(|(i, j)| {
+                        let (a, b) = (&a.entries[i], &b.entries[j]);
+                        a.key == b.key && a.value.same_value(&b.value)
                     })
             }
             (Content::Array(a), Content::Array(b)) => {

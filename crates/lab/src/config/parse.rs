@@ -140,7 +140,7 @@ impl<'a> Places<'a> {
                 }
                 if number.is_infinite() && !text.contains("inf") {
                     let problem = Problem::OutOfRange {
-                        expected: "a number below 1.8e308 in size, or inf".to_owned(),
+                        expected: "a number below 1.8e308 in size".to_owned(),
                         found: format!("the number {text}"),
                     };
                     return Err(fault(problem, path));

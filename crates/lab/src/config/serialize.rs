@@ -42,12 +42,17 @@ use super::write;
 /// assert_eq!(Document::parse("config.toml", &text).unwrap().deserialize::<Task>(), Ok(task));
 /// ```
 pub fn to_toml<T: Serialize + ?Sized>(value: &T) -> Result<String, ConfigError> {
+    Ok(write::document(&to_node(value)?))
+}
+
+/// A typed configuration as a tree; errors as for [`to_toml`].
+pub(crate) fn to_node<T: Serialize + ?Sized>(value: &T) -> Result<Node, ConfigError> {
     let writer = Writer(Origin::whole(&Arc::new(Source {
         name: "configuration".to_owned(),
         base_dir: None,
     })));
     match value.serialize(&writer)? {
-        Some(root) if root.as_table().is_some() => Ok(write::document(&root)),
+        Some(root) if root.as_table().is_some() => Ok(root),
         Some(other) => Err(ConfigError::wrong_type(&other, "a table")),
         None => Err(unfit("a table", "nothing")),
     }

@@ -61,6 +61,15 @@ pub fn read_text(path: &Path) -> Result<String, LabError> {
     fs::read_to_string(path).map_err(failed(path, "read"))
 }
 
+/// Reads a file.
+///
+/// # Errors
+///
+/// [`LabError::File`].
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, LabError> {
+    fs::read(path).map_err(failed(path, "read"))
+}
+
 /// Reads a JSON file.
 ///
 /// # Errors

@@ -1,10 +1,12 @@
 //! Transitions as lines of a CSV file, and back.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use stridemap_returnmap::{ProcessSpec, State, StrideEnd};
 use stridemap_robot::Side;
 
+use crate::config::nearest;
 use crate::error::LabError;
 use crate::measure::StrideMeasures;
 use crate::strides::{StridePhase, StrideRole, Transition};
@@ -115,143 +117,234 @@ impl TransitionTable {
         cells.join(",")
     }
 
-    /// Reads the first `rows` strides of a file (all of them with `None`). `what` columns before the
-    /// first are passed over.
+    /// Reads the first `rows` strides of a file (all of them with `None`): CSV as any program writes it, with
+    /// a byte order mark, quotes, blank lines and whatever line ends; columns in any order, others passed over.
     ///
     /// # Errors
     ///
     /// [`LabError::File`], or [`LabError::Content`] with the line and column at fault: a missing
     /// column, a cell that is no number, NaN, an infinity, an unknown word.
     pub fn read(&self, path: &Path, rows: Option<usize>) -> Result<Vec<Transition>, LabError> {
-        let text = super::files::read_text(path)?;
-        let mut lines = text.lines().enumerate();
-        let bad = |line: Option<usize>, problem: String| LabError::Content {
-            path: path.into(),
-            line,
-            problem,
+        let text = text(path)?;
+        let mut reader = csv::ReaderBuilder::new()
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
+        let fault = |error: csv::Error| {
+            let line = error.position().map(|at| at.line() as usize);
+            content(path, line, format!("is no CSV: {error}"))
         };
-        let header: Vec<&str> = lines
-            .next()
-            .map(|(_, l)| l.split(',').collect())
-            .unwrap_or_default();
-        let has = |name: &str| header.iter().any(|h| h.trim() == name);
-        let needed = self.needed();
-        let missing: Vec<&str> = needed
-            .iter()
-            .map(String::as_str)
-            .filter(|c| !has(c))
-            .collect();
-        if rows != Some(0) && !missing.is_empty() {
-            let problem = if missing.len() == needed.len() {
-                "is no table of strides: its first line names none of their columns".into()
-            } else {
-                format!(
-                    "lacks the columns {} of a stride of this task",
-                    missing.join(", ")
-                )
-            };
-            return Err(bad(Some(1), problem));
-        }
+        let header = reader.headers().map_err(fault)?.clone();
+        let columns = self.columns(path, &header, rows == Some(0))?;
         let mut transitions = Vec::new();
-        for (index, line) in lines.take(rows.unwrap_or(usize::MAX)) {
-            let cells: Vec<&str> = line.split(',').collect();
-            let at = |problem: String| bad(Some(index + 1), problem);
-            if cells.len() != header.len() {
-                return Err(at(format!(
-                    "{} cells under {} columns",
-                    cells.len(),
-                    header.len()
-                )));
+        for record in reader.records() {
+            if rows.is_some_and(|rows| transitions.len() >= rows) {
+                break;
             }
-            let cell = |name: &str| {
-                let column = header.iter().position(|h| h.trim() == name);
-                let text = column.and_then(|c| cells.get(c)).map(|c| c.trim());
-                text.ok_or_else(|| at(format!("no column {name}")))
-            };
-            let number = |name: &str| -> Result<f64, LabError> {
-                let text = cell(name)?;
-                match text.parse::<f64>() {
-                    Ok(value) if value.is_finite() => Ok(value),
-                    _ => Err(at(format!("{name} = {text:?} is not a finite number"))),
-                }
-            };
-            let optional = |name: &str| -> Result<f64, LabError> {
-                if has(name) { number(name) } else { Ok(0.0) }
-            };
-            let count = |name: &str| -> Result<usize, LabError> {
-                let text = cell(name)?;
-                text.parse()
-                    .map_err(|_| at(format!("{name} = {text:?} is not a whole number")))
-            };
-            let word = |name: &str, words: &[&'static str]| -> Result<usize, LabError> {
-                let text = cell(name)?;
-                words.iter().position(|w| *w == text).ok_or_else(|| {
-                    at(format!(
-                        "{name} = {text:?}; it is one of {}",
-                        words.join(", ")
-                    ))
-                })
-            };
-            let numbers = |names: &[String], prefix: &str| -> Result<State, LabError> {
-                names
-                    .iter()
-                    .map(|name| number(&format!("{prefix}{name}")))
-                    .collect()
-            };
-            let phases = [
-                StridePhase::Collect,
-                StridePhase::Evaluate,
-                StridePhase::Record,
-            ];
-            let roles = [
-                StrideRole::Training,
-                StrideRole::Evaluation,
-                StrideRole::Record,
-            ];
-            let ends = [
-                StrideEnd::Crossing,
-                StrideEnd::Fell,
-                StrideEnd::NoCrossing,
-                StrideEnd::Aborted,
-            ];
-            transitions.push(Transition {
-                iteration: count("iteration")?,
-                phase: phases[word("phase", &phases.map(StridePhase::name))?],
-                role: roles[word("role", &roles.map(StrideRole::name))?],
-                episode: count("episode")?,
-                k: count("k")?,
-                time_s: number("time_s")?,
-                stance: [Some(Side::Left), Some(Side::Right), None]
-                    [word("stance", &["left", "right", ""])?],
-                state: numbers(&self.states, "")?,
-                last_action: numbers(&self.actions, "last_")?,
-                action: numbers(&self.actions, "")?,
-                next_state: numbers(&self.states, "next_")?,
-                reward: number("reward")?,
-                end: ends[word("end", &ends.map(StrideEnd::name))?],
-                true_psi_roll_deg: None,
-                true_forward_m: None,
-                measures: StrideMeasures {
-                    duration_s: optional("stride_duration_s")?,
-                    forward_m: optional("stride_forward_m")?,
-                    left_m: optional("stride_left_m")?,
-                    turn_deg: optional("stride_turn_deg")?,
-                    psi_roll_deg: optional("stride_psi_roll_deg")?,
-                    psi_pitch_deg: optional("stride_psi_pitch_deg")?,
-                    psi_pitch_rate_deg_s: optional("stride_psi_pitch_rate_deg_s")?,
-                    yaw_rate_deg_s: optional("stride_yaw_rate_deg_s")?,
-                    heading_deg: optional("stride_heading_deg")?,
-                    gait_phase_deg: optional("stride_gait_phase_deg")?,
-                    mean_psi_pitch_rate_deg_s: optional("stride_mean_psi_pitch_rate_deg_s")?,
-                    energy_j: optional("stride_energy_j")?,
-                    peak_foot_load_n: optional("stride_peak_foot_load_n")?,
-                    posture_deviation_deg: optional("stride_posture_deviation_deg")?,
-                    ahead_m: optional("stride_ahead_m")?,
-                    cost_of_transport: optional("stride_cost_of_transport")?,
-                },
-            });
+            let cells = record.map_err(fault)?;
+            // Spreadsheets end a table with lines of nothing but commas.
+            if cells.iter().all(str::is_empty) {
+                continue;
+            }
+            let line = cells.position().map(|at| at.line() as usize);
+            if cells.len() != header.len() {
+                let problem = format!("{} cells under {} columns", cells.len(), header.len());
+                return Err(content(path, line, problem));
+            }
+            transitions.push(self.transition(&Row {
+                path,
+                line,
+                columns: &columns,
+                cells: &cells,
+            })?);
         }
         Ok(transitions)
+    }
+
+    /// Where each column is; `anything` is well where no row will be read.
+    fn columns<'h>(
+        &self,
+        path: &Path,
+        header: &'h csv::StringRecord,
+        anything: bool,
+    ) -> Result<HashMap<&'h str, usize>, LabError> {
+        /// Among so many foreign names one that was meant is looked for.
+        const OTHERS: usize = 1000;
+        let bad = |problem: String| Err(content(path, Some(1), problem));
+        let mut columns = HashMap::new();
+        let needed = self.needed();
+        for (at, name) in header.iter().enumerate() {
+            if columns.insert(name, at).is_some() && needed.iter().any(|n| n == name) {
+                return bad(format!("names the column {name} twice"));
+            }
+        }
+        let missing: Vec<&String> = needed
+            .iter()
+            .filter(|name| !columns.contains_key(name.as_str()))
+            .collect();
+        if anything || missing.is_empty() {
+            return Ok(columns);
+        }
+        if missing.len() < needed.len() {
+            let others = header.iter().filter(|h| !needed.iter().any(|n| n == h));
+            let others: Vec<&str> = others.take(OTHERS).collect();
+            let named = missing.iter().map(|name| match nearest(name, &others) {
+                Some(near) => format!("{name} (is it {near:?}?)"),
+                None => (*name).clone(),
+            });
+            let named = named.collect::<Vec<_>>().join(", ");
+            return bad(format!(
+                "lacks the columns {named} of a stride of this task"
+            ));
+        }
+        match (
+            header.len(),
+            [';', '\t']
+                .iter()
+                .find(|mark| header.as_slice().contains(**mark)),
+        ) {
+            (1, Some(mark)) => bad(format!(
+                "separates its columns by {mark:?}; a table of strides by commas, with a point in its numbers"
+            )),
+            _ => bad("is no table of strides: its first line names none of their columns".into()),
+        }
+    }
+
+    fn transition(&self, row: &Row<'_>) -> Result<Transition, LabError> {
+        let phases = [
+            StridePhase::Collect,
+            StridePhase::Evaluate,
+            StridePhase::Record,
+        ];
+        let roles = [
+            StrideRole::Training,
+            StrideRole::Evaluation,
+            StrideRole::Record,
+        ];
+        let ends = [
+            StrideEnd::Crossing,
+            StrideEnd::Fell,
+            StrideEnd::NoCrossing,
+            StrideEnd::Aborted,
+        ];
+        let stances = [Some(Side::Left), Some(Side::Right), None];
+        Ok(Transition {
+            iteration: row.count("iteration")?,
+            phase: phases[row.word("phase", &phases.map(StridePhase::name))?],
+            role: roles[row.word("role", &roles.map(StrideRole::name))?],
+            episode: row.count("episode")?,
+            k: row.count("k")?,
+            time_s: row.number("time_s")?,
+            stance: stances[row.word("stance", &["left", "right", ""])?],
+            state: row.numbers(&self.states, "")?,
+            last_action: row.numbers(&self.actions, "last_")?,
+            action: row.numbers(&self.actions, "")?,
+            next_state: row.numbers(&self.states, "next_")?,
+            reward: row.number("reward")?,
+            end: ends[row.word("end", &ends.map(StrideEnd::name))?],
+            true_psi_roll_deg: None,
+            true_forward_m: None,
+            measures: StrideMeasures {
+                duration_s: row.optional("stride_duration_s")?,
+                forward_m: row.optional("stride_forward_m")?,
+                left_m: row.optional("stride_left_m")?,
+                turn_deg: row.optional("stride_turn_deg")?,
+                psi_roll_deg: row.optional("stride_psi_roll_deg")?,
+                psi_pitch_deg: row.optional("stride_psi_pitch_deg")?,
+                psi_pitch_rate_deg_s: row.optional("stride_psi_pitch_rate_deg_s")?,
+                yaw_rate_deg_s: row.optional("stride_yaw_rate_deg_s")?,
+                heading_deg: row.optional("stride_heading_deg")?,
+                gait_phase_deg: row.optional("stride_gait_phase_deg")?,
+                mean_psi_pitch_rate_deg_s: row.optional("stride_mean_psi_pitch_rate_deg_s")?,
+                energy_j: row.optional("stride_energy_j")?,
+                peak_foot_load_n: row.optional("stride_peak_foot_load_n")?,
+                posture_deviation_deg: row.optional("stride_posture_deviation_deg")?,
+                ahead_m: row.optional("stride_ahead_m")?,
+                cost_of_transport: row.optional("stride_cost_of_transport")?,
+            },
+        })
+    }
+}
+
+fn content(path: &Path, line: Option<usize>, problem: String) -> LabError {
+    LabError::Content {
+        path: path.into(),
+        line,
+        problem,
+    }
+}
+
+/// The text of a CSV file, its lines ended by line feeds.
+fn text(path: &Path) -> Result<String, LabError> {
+    let bytes = super::files::read_bytes(path)?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        content(path, Some(line), "is not text in UTF-8".into())
+    })?;
+    // Alone, as an old Mac ends lines; the reader would not count them.
+    Ok(if text.contains('\n') {
+        text
+    } else {
+        text.replace('\r', "\n")
+    })
+}
+
+/// One line of a file of strides, its cells by the names of their columns.
+struct Row<'a> {
+    path: &'a Path,
+    line: Option<usize>,
+    columns: &'a HashMap<&'a str, usize>,
+    cells: &'a csv::StringRecord,
+}
+
+impl Row<'_> {
+    fn fault(&self, problem: String) -> LabError {
+        content(self.path, self.line, problem)
+    }
+
+    fn cell(&self, name: &str) -> Result<&str, LabError> {
+        let cell = self.columns.get(name).and_then(|at| self.cells.get(*at));
+        cell.ok_or_else(|| self.fault(format!("no column {name}")))
+    }
+
+    fn number(&self, name: &str) -> Result<f64, LabError> {
+        let text = self.cell(name)?;
+        match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ => Err(self.fault(format!("{name} = {text:?} is not a finite number"))),
+        }
+    }
+
+    /// Zero where there is no such column.
+    fn optional(&self, name: &str) -> Result<f64, LabError> {
+        if self.columns.contains_key(name) {
+            self.number(name)
+        } else {
+            Ok(0.0)
+        }
+    }
+
+    fn count(&self, name: &str) -> Result<usize, LabError> {
+        let text = self.cell(name)?;
+        text.parse()
+            .map_err(|_| self.fault(format!("{name} = {text:?} is not a whole number")))
+    }
+
+    fn word(&self, name: &str, words: &[&'static str]) -> Result<usize, LabError> {
+        let text = self.cell(name)?;
+        let known = words.iter().position(|word| *word == text);
+        known.ok_or_else(|| {
+            let words = words.join(", ");
+            self.fault(format!("{name} = {text:?}; it is one of {words}"))
+        })
+    }
+
+    fn numbers(&self, names: &[String], prefix: &str) -> Result<State, LabError> {
+        names
+            .iter()
+            .map(|name| self.number(&format!("{prefix}{name}")))
+            .collect()
     }
 }
 
@@ -305,6 +398,81 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         assert_eq!(table().read(&path, None).unwrap(), vec![transition()]);
         assert!(table().read(&path, Some(0)).unwrap().is_empty());
+    }
+
+    #[test]
+    fn csv_is_read_as_other_programs_write_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("transitions.csv");
+        let (header, row) = (table().header(), table().row(&transition()));
+        let plain = format!("{header}\n{row}\n{row}\n");
+        let quoted = format!("\"{}\"\n", header.replace(',', "\",\"")) + &format!("{row}\n{row}\n");
+        for (what, text) in [
+            ("byte order mark", format!("\u{feff}{plain}")),
+            ("byte order mark and quotes", format!("\u{feff}{quoted}")),
+            ("quotes", quoted),
+            ("carriage returns", plain.replace('\n', "\r")),
+            ("both", plain.replace('\n', "\r\n")),
+            ("blank lines", plain.replace('\n', "\n\n") + "\n \n"),
+            (
+                "lines of commas",
+                format!("{plain}{}\n", ",".repeat(header.matches(',').count())),
+            ),
+            ("no end of the last line", plain.trim_end().into()),
+            ("spaces", plain.replace(',', " , ")),
+            (
+                "a column of row names",
+                format!("\"\",{header}\n1,{row}\n2,{row}\n"),
+            ),
+        ] {
+            std::fs::write(&path, &text).unwrap();
+            let read = table().read(&path, None).unwrap();
+            assert_eq!(read, vec![transition(), transition()], "{what}");
+        }
+        let bad = plain.replacen("-0.25", "-0.2.5", 1).replace('\n', "\r");
+        std::fs::write(&path, bad).unwrap();
+        let error = table().read(&path, None).unwrap_err().to_string();
+        assert!(
+            error.contains("transitions.csv:2: reward = \"-0.2.5\""),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_table_of_another_form_is_told_what_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("transitions.csv");
+        let (header, row) = (table().header(), table().row(&transition()));
+        for (bytes, expected) in [
+            (
+                format!("{header}\n{row}\n").replace(',', ";").into_bytes(),
+                "columns by ';'",
+            ),
+            (
+                b"iteration,\nphase\xff".to_vec(),
+                "transitions.csv:2: is not text in UTF-8",
+            ),
+            (
+                b"\xff\xfei\0t\0".to_vec(),
+                "transitions.csv:1: is not text in UTF-8",
+            ),
+            (
+                format!("{header}\n{row},7\n").into_bytes(),
+                "2: 30 cells under 29 columns",
+            ),
+            (
+                header.replace("reward", "Reward").into_bytes(),
+                "lacks the columns reward (is it \"Reward\"?)",
+            ),
+            (
+                format!("{header},k\n").into_bytes(),
+                "names the column k twice",
+            ),
+        ] {
+            std::fs::write(&path, bytes).unwrap();
+            let error = table().read(&path, None).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
     }
 
     #[test]

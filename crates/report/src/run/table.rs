@@ -23,7 +23,7 @@ impl Table {
             path: path.to_owned(),
             source,
         };
-        let whole = text.ends_with('\n');
+        let whole = text.ends_with(['\n', '\r']);
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
@@ -37,6 +37,10 @@ impl Table {
         let mut rows: Vec<(u64, Vec<String>)> = Vec::new();
         for record in reader.records() {
             let record = record.map_err(fail)?;
+            // Spreadsheets end a table with lines of nothing but commas.
+            if record.iter().all(str::is_empty) {
+                continue;
+            }
             let line = record.position().map_or(0, csv::Position::line);
             rows.push((line, record.iter().map(str::to_owned).collect()));
         }

@@ -1,0 +1,134 @@
+//! What a number in a task may be, by rule: a float is finite and of a size one can reckon with, an integer
+//! is a count, and every count has a most.
+
+use crate::config::{Content, KeyPath, to_node, walk};
+use crate::error::{Invalid, LabError};
+use crate::task::Task;
+
+/// Largest size of a number, in whatever unit: products of a few of them are still finite.
+const LARGEST: f64 = 1e12;
+
+/// Smallest size of a number that is not zero: the inverse of its square is still finite.
+const SMALLEST: f64 = 1e-100;
+
+/// Most that a count may be where [`COUNTS`] says nothing else.
+const MOST: i64 = 100_000;
+
+/// Counts with other bounds than 0 and [`MOST`]: key, least, most.
+const COUNTS: [(&str, i64, i64); 11] = [
+    ("algorithm.iterations", 1, 10_000),
+    ("algorithm.strides_at_most", 0, 10_000_000),
+    ("caution.proof.attempts", 1, 1_000),
+    ("learner.actor_critic.max_bases", 0, 10_000),
+    ("learner.controls.population", 0, 10_000),
+    ("learner.controls.random_policies", 0, 10_000),
+    ("learner.later_trials", 1, MOST),
+    ("learner.search.generations", 0, 10_000),
+    ("map.starts", 1, 1_000),
+    // Which robot it is, from the seed: it counts nothing.
+    ("robot.hardware.individual", 0, i64::MAX),
+    ("success.strides_at_most", 0, 10_000_000),
+];
+
+/// Checks every number of a task.
+///
+/// # Errors
+///
+/// [`LabError::Invalid`] with the key, the value and its bound; [`LabError::Config`] for NaN.
+pub(crate) fn check(task: &Task) -> Result<(), LabError> {
+    let root = to_node(task).map_err(|error| LabError::Config(Box::new(error)))?;
+    let mut fault = None;
+    walk(&root, &mut Vec::new(), &mut |_, _, value, path| {
+        let requirement = match value.content {
+            Content::Float(x) => beyond(x),
+            Content::Integer(n) => outside(n, path),
+            _ => None,
+        };
+        if let (None, Some(requirement)) = (&fault, requirement) {
+            fault = Some(Invalid {
+                key: KeyPath::from(path.to_vec()).to_string(),
+                requirement,
+            });
+        }
+    });
+    fault.map_or(Ok(()), |fault| Err(fault.into()))
+}
+
+fn beyond(x: f64) -> Option<String> {
+    let size = x.abs();
+    if size <= LARGEST && (size >= SMALLEST || size == 0.0) {
+        return None;
+    }
+    let bound = if size > LARGEST {
+        format!("finite and at most {LARGEST:e} in size")
+    } else {
+        format!("0 or at least {SMALLEST:e} in size")
+    };
+    Some(format!("is {x:?}, must be {bound}"))
+}
+
+fn outside(n: i64, path: &[String]) -> Option<String> {
+    let names = path.iter().filter(|s| s.parse::<usize>().is_err());
+    let key = names.cloned().collect::<Vec<_>>().join(".");
+    let bounds = COUNTS.iter().find(|(name, ..)| *name == key);
+    let (least, most) = bounds.map_or((0, MOST), |&(_, least, most)| (least, most));
+    (!(least..=most).contains(&n)).then(|| format!("is {n}, must lie between {least} and {most}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::builtin::{TASKS, load};
+    use crate::config::{Content, Document, resolver, walk};
+
+    /// Every number of every task, set to what no number may be, is refused by its key before anything is
+    /// made of it.
+    #[test]
+    fn no_key_takes_a_number_without_bound() {
+        for (name, _) in TASKS {
+            let resolved = load(name, &[]).unwrap().resolved;
+            let tasks = [("task", resolved.as_str())];
+            let document = Document::load("task", &[], resolver(&tasks)).unwrap();
+            let mut sets = Vec::new();
+            walk(
+                document.root(),
+                &mut Vec::new(),
+                &mut |_, _, value, path| {
+                    let values: &[&str] = match value.content {
+                        Content::Float(_) => &["inf", "-inf", "1e300", "-1e300", "1e-300"],
+                        Content::Integer(_) => &["9223372036854775807", "1000000000000"],
+                        _ => &[],
+                    };
+                    let key = path.join(".");
+                    sets.extend(values.iter().map(|v| (key.clone(), format!("{key}={v}"))));
+                },
+            );
+            assert!(sets.len() > 100);
+            for (key, set) in sets {
+                let error = load(name, std::slice::from_ref(&set)).unwrap_err();
+                let text = error.to_string();
+                assert!(error.is_request() && text.contains(&key), "{set}: {text}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_bound_is_named_with_key_and_value() {
+        for (set, expected) in [
+            (
+                "map.starts=9223372036854775807",
+                "map.starts: is 9223372036854775807, must lie between 1 and 1000",
+            ),
+            (
+                "reward.0.target_deg=inf",
+                "reward.0.target_deg: is inf, must be finite and at most 1e12 in size",
+            ),
+            (
+                "collect.strides=[20, 1000000]",
+                "collect.strides.1: is 1000000, must lie between 0 and 100000",
+            ),
+        ] {
+            let error = load("stepping", &[set.into()]).unwrap_err().to_string();
+            assert!(error.ends_with(expected), "{error}");
+        }
+    }
+}

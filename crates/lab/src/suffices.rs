@@ -1,0 +1,141 @@
+//! What a task says of its first fit before the robot moves: whether the strides that it plans can determine
+//! what is fitted to them.
+
+use stridemap_gp::Mean;
+
+use crate::error::{Invalid, LabError};
+use crate::samples::PART;
+use crate::task::{LearnerKind, Task};
+
+/// With fewer strides than this a Gaussian process has nothing to say.
+pub(crate) const FEWEST: usize = 3;
+
+/// Checks that the first batch can be fitted.
+///
+/// # Errors
+///
+/// [`LabError::Invalid`] with the key at fault and both numbers.
+pub(crate) fn check(task: &Task) -> Result<(), LabError> {
+    let invalid =
+        |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
+    let (kind, collect) = (task.learner.kind, &task.collect);
+    let map = task.map_config();
+    let coefficients = map
+        .mean
+        .coefficients(map.dims(task.state.len(), task.action.len()));
+    let (needed, why) = match kind {
+        // One more, so that the strides that are left when one is left out still determine the mean.
+        LearnerKind::ActorCritic | LearnerKind::Search if coefficients >= FEWEST => (
+            coefficients + 1,
+            format!("a map whose mean has {coefficients} coefficients (map.mean)"),
+        ),
+        LearnerKind::ActorCritic | LearnerKind::Search => (FEWEST, "a map".into()),
+        LearnerKind::Linear => (task.action.len() + 2, "a regression on the action".into()),
+        LearnerKind::Constant | LearnerKind::Integral => (1, "a first policy".into()),
+        LearnerKind::BayesOpt | LearnerKind::CmaEs => return Ok(()),
+    };
+    let budget = task.algorithm.strides_at_most.unwrap_or(usize::MAX);
+    let (planned, key) = match collect.until_error {
+        Some(_) if budget < PART => (budget, "algorithm.strides_at_most"),
+        Some(_) => (PART, "collect.until_error"),
+        None => (collect.strides[0], "collect.strides"),
+    };
+    if planned < needed {
+        return invalid(
+            key.into(),
+            format!("{planned} strides in the first batch, needs at least {needed} for {why}"),
+        );
+    }
+    if kind.uses_map() {
+        let most = planned_in_all(task, planned);
+        let outputs = task.state.len() + 1;
+        if let Err(error) = stridemap_gp::check_memory(most, outputs) {
+            return invalid(key.into(), format!("{most} strides in the map: {error}"));
+        }
+    }
+    let slopes = kind == LearnerKind::Linear || (kind.uses_map() && map.mean == Mean::Linear);
+    for (i, action) in task.action.iter().enumerate() {
+        let explore = &collect.explore;
+        let [low, high] = explore.center[i];
+        let centers = low < high && planned > explore.hold;
+        let moves = action.bounds[0] < action.bounds[1] && (centers || explore.std[i] > 0.0);
+        if slopes && !moves {
+            return invalid(
+                format!("action.{i}"),
+                format!(
+                    "{} never changes in the first batch (its bounds, collect.explore), so that nothing says \
+                     what it does",
+                    action.modulates
+                ),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Training strides of all iterations, as far as the task counts them.
+fn planned_in_all(task: &Task, first: usize) -> usize {
+    let (algorithm, listed) = (&task.algorithm, &task.collect.strides);
+    if algorithm.stop_below_improvement.is_some() {
+        return first;
+    }
+    let last = listed.last().copied().unwrap_or(0);
+    let later = listed.iter().skip(1).chain(std::iter::repeat(&last));
+    let later: usize = later.take(algorithm.iterations - 1).sum();
+    let evaluated = match (&task.caution, algorithm.evaluation_trains) {
+        (Some(caution), _) => caution.proof.proof_strides,
+        (None, true) => algorithm.evaluation_strides,
+        (None, false) => 0,
+    };
+    let all = first + later + algorithm.iterations * evaluated;
+    all.min(algorithm.strides_at_most.unwrap_or(usize::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::builtin::load;
+
+    #[test]
+    fn what_is_known_before_the_robot_moves_is_said_before_it_moves() {
+        for (task, sets, expected) in [
+            (
+                "stepping",
+                vec!["collect.strides=[2]"],
+                "collect.strides: 2 strides in the first batch, needs at least 3 for a map",
+            ),
+            // State without the heading, and action, and the constant.
+            (
+                "walking",
+                vec!["collect.strides=[11]"],
+                "collect.strides: 11 strides in the first batch, needs at least 12 for a map whose mean has \
+                 11 coefficients (map.mean)",
+            ),
+            (
+                "walking",
+                vec!["action.0.bounds=[3, 3]"],
+                "action.0: walk_amplitude_deg never changes in the first batch (its bounds, \
+                 collect.explore), so that nothing says what it does",
+            ),
+            (
+                "stepping",
+                vec![
+                    "collect.until_error=0.3",
+                    "algorithm.strides_at_most=19",
+                    "map.mean=linear",
+                ],
+                "",
+            ),
+        ] {
+            let sets: Vec<String> = sets.into_iter().map(str::to_owned).collect();
+            let found = load(task, &sets);
+            if expected.is_empty() {
+                assert!(found.is_ok());
+                continue;
+            }
+            let error = found.unwrap_err();
+            assert!(error.is_request(), "{error:?}");
+            assert!(error.to_string().ends_with(expected), "{error}");
+        }
+        assert!(load("walking", &["collect.strides=[12, 0]".into()]).is_ok());
+    }
+}
