@@ -6,7 +6,6 @@ use std::path::Path;
 use stridemap_returnmap::{ProcessSpec, State, StrideEnd};
 use stridemap_robot::Side;
 
-use crate::config::nearest;
 use crate::error::LabError;
 use crate::measure::StrideMeasures;
 use crate::strides::{StridePhase, StrideRole, Transition};
@@ -168,8 +167,6 @@ impl TransitionTable {
         header: &'h csv::StringRecord,
         anything: bool,
     ) -> Result<HashMap<&'h str, usize>, LabError> {
-        /// Among so many foreign names one that was meant is looked for.
-        const OTHERS: usize = 1000;
         let bad = |problem: String| Err(content(path, Some(1), problem));
         let mut columns = HashMap::new();
         let needed = self.needed();
@@ -186,11 +183,12 @@ impl TransitionTable {
             return Ok(columns);
         }
         if missing.len() < needed.len() {
-            let others = header.iter().filter(|h| !needed.iter().any(|n| n == h));
-            let others: Vec<&str> = others.take(OTHERS).collect();
-            let named = missing.iter().map(|name| match nearest(name, &others) {
-                Some(near) => format!("{name} (is it {near:?}?)"),
-                None => (*name).clone(),
+            let named = missing.iter().map(|name| {
+                let other = header.iter().find(|h| h.eq_ignore_ascii_case(name));
+                match other {
+                    Some(other) => format!("{name} (is it {other:?}?)"),
+                    None => (*name).clone(),
+                }
             });
             let named = named.collect::<Vec<_>>().join(", ");
             return bad(format!(
