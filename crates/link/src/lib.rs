@@ -9,14 +9,15 @@
 //!
 //! [`RemoteMachine`] is a [`Machine`](stridemap_robot::Machine) over DDS, so that the estimator, the gait, the
 //! section and the learner are the same code as on a simulated robot. [`serve`] is the other end: it publishes
-//! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing leaves this machine unless
-//! the configuration names another network interface.
+//! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing but the
+//! configured network interface is heard or spoken to: loopback, unless another is named.
 
 mod assemble;
 mod ear;
 mod error;
 mod faults;
 mod guard;
+mod interface;
 mod journal;
 mod log;
 mod mcap_file;
@@ -37,6 +38,7 @@ pub use ear::StatusEar;
 pub use error::LinkError;
 pub use faults::{FAULT_DOMAINS, FaultRow, fault_table};
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
+pub use interface::check_network;
 pub use journal::{Journal, LoggedMachine, SharedJournal};
 pub use log::{LogReport, LoggedAction, LoggedEpisode, read_log};
 pub use messages::{

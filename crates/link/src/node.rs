@@ -16,6 +16,7 @@ use ros2_client::{
 use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
+use crate::interface::Interface;
 use crate::messages::RosMessage;
 
 /// Names of the topics besides those that the configuration names.
@@ -71,28 +72,16 @@ fn sensed() -> QosProfile {
 }
 
 impl LinkNode {
-    /// Joins the network.
+    /// Joins the network, on the configured interface only.
     pub fn open(config: &Ros2Config, name: &str) -> Result<Self, LinkError> {
-        let interface: IpAddr =
-            config
-                .interface
-                .parse()
-                .map_err(|e: std::net::AddrParseError| LinkError::Config {
-                    field: "interface",
-                    value: config.interface.clone(),
-                    problem: e.to_string(),
-                })?;
-        if config.domain > 232 {
-            return Err(LinkError::Config {
-                field: "domain",
-                value: config.domain.to_string(),
-                problem: "domains are 0 to 232".into(),
-            });
-        }
-        let participant = DomainParticipantBuilder::new(config.domain)
-            .with_only_networks([interface])
-            .build()
-            .map_err(network)?;
+        let interface = Interface::of(config)?;
+        let participant = interface.keep(|| {
+            DomainParticipantBuilder::new(config.domain)
+                .with_only_networks([IpAddr::from(interface.address)])
+                .same_host_loopback(interface.address.is_loopback())
+                .build()
+                .map_err(network)
+        })?;
         let context = Context::from_domain_participant(participant.clone()).map_err(network)?;
         let name = NodeName::new("/", name).map_err(network)?;
         let mut node = context
