@@ -43,6 +43,26 @@ pub struct Cli {
     pub command: Command,
 }
 
+/// Reads a number within bounds, both included; the only way in which commands take numbers with a fraction.
+fn within(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| {
+        let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+        if (least..=most).contains(&number) {
+            Ok(number)
+        } else {
+            Err(format!("must be {least} to {most}"))
+        }
+    }
+}
+
+/// The domains of DDS.
+fn domains() -> clap::builder::RangedI64ValueParser<u16> {
+    clap::value_parser!(u16).range(0..=232)
+}
+
+/// The longest time that a command can be asked for: 100 days.
+const LONGEST_S: f64 = 8.64e6;
+
 /// What every command that makes numbers understands.
 #[derive(Clone, Debug, Args)]
 pub struct Common {
@@ -56,6 +76,13 @@ pub struct Common {
     /// without (op3-ideal), or behind ROS 2 (ros2).
     #[arg(long, value_name = "ROBOT")]
     pub robot: Option<RobotName>,
+    /// Domain of the DDS network of a robot behind ROS 2. Default: the task's.
+    #[arg(long, value_parser = domains())]
+    pub domain: Option<u16>,
+    /// Address of the network interface to a robot behind ROS 2; nothing else is heard or spoken to. Default: the
+    /// task's.
+    #[arg(long)]
+    pub interface: Option<String>,
     /// Does not ask before a robot behind a link moves: for scripts.
     #[arg(long)]
     pub yes: bool,
@@ -175,9 +202,10 @@ pub enum FigureName {
 #[derive(Clone, Debug, Args)]
 pub struct Network {
     /// Domain of the DDS network.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = domains())]
     pub domain: u16,
-    /// Address of the network interface. The default never leaves this machine.
+    /// Address of the network interface; nothing else is heard or spoken to. The default never leaves this
+    /// machine.
     #[arg(long, default_value = "127.0.0.1")]
     pub interface: String,
 }
@@ -223,7 +251,7 @@ pub enum Command {
         learner: Option<LearnerName>,
         /// Collects strides, 20 at a time, until the map of those before predicts the newest 20 at the
         /// next section with an error (its largest component, relative to their spread) under this.
-        #[arg(long, value_name = "X", conflicts_with = "resume")]
+        #[arg(long, value_name = "X", conflicts_with = "resume", value_parser = within(0.0, 1e6))]
         until_error: Option<f64>,
         /// Runs this many seeds, SEED, SEED+1, ..., in parallel, and sums them up.
         #[arg(long, value_parser = count::<u64>(SEEDS))]
@@ -296,7 +324,7 @@ pub enum Command {
         #[arg(long, value_name = "TASK", conflicts_with = "run")]
         nominal: Option<String>,
         /// For how long.
-        #[arg(long, default_value_t = 60.0)]
+        #[arg(long, default_value_t = 60.0, value_parser = within(1e-3, LONGEST_S))]
         seconds: f64,
         /// Writes every stride to this CSV file.
         #[arg(long)]
@@ -310,10 +338,10 @@ pub enum Command {
         /// A run directory.
         run: PathBuf,
         /// Largest lateral force on the torso, newtons. Default: what gives the robot 0.04 m/s.
-        #[arg(long)]
+        #[arg(long, value_parser = within(1e-6, 1e6))]
         force: Option<f64>,
         /// For how long each push acts, seconds.
-        #[arg(long, default_value_t = 0.2)]
+        #[arg(long, default_value_t = 0.2, value_parser = within(1e-6, 60.0))]
         duration: f64,
         /// Strides in all.
         #[arg(long, default_value_t = 160, value_parser = count::<usize>(STRIDES))]
@@ -419,17 +447,17 @@ pub enum Command {
         #[arg(long)]
         ideal: bool,
         /// Control periods per second.
-        #[arg(long, default_value_t = 125.0)]
+        #[arg(long, default_value_t = 125.0, value_parser = within(10.0, 1000.0))]
         rate: f64,
         /// Which individual, and the root of its noise.
         #[arg(long, default_value_t = 1)]
         seed: u64,
         /// How much faster than real time its clock runs; 0: each period as soon as the controller has
         /// answered the last one.
-        #[arg(long, default_value_t = 1.0)]
+        #[arg(long, default_value_t = 1.0, value_parser = within(0.0, 1000.0))]
         realtime_factor: f64,
         /// Ends after this much robot time. Default: runs until it is stopped.
-        #[arg(long)]
+        #[arg(long, value_parser = within(0.0, LONGEST_S))]
         seconds: Option<f64>,
         /// Where.
         #[command(flatten)]
@@ -456,19 +484,19 @@ pub enum Command {
         #[arg(long)]
         json: bool,
         /// First of the domains that it uses; it needs 35.
-        #[arg(long, default_value_t = 120)]
+        #[arg(long, default_value_t = 120, value_parser = domains())]
         domain: u16,
     },
     /// Times the link: a simulated robot in a process of its own, stepping for some seconds.
     BenchLink {
         /// For how long.
-        #[arg(long, default_value_t = 30.0)]
+        #[arg(long, default_value_t = 30.0, value_parser = within(1.0, LONGEST_S))]
         seconds: f64,
         /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,
         /// Domain of the DDS network.
-        #[arg(long, default_value_t = 119)]
+        #[arg(long, default_value_t = 119, value_parser = domains())]
         domain: u16,
     },
     /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run.

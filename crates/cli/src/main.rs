@@ -6,6 +6,7 @@ mod failure;
 mod output;
 mod parallel;
 mod progress;
+mod stop;
 
 use std::process::ExitCode;
 
@@ -18,6 +19,7 @@ use crate::failure::Failure;
 const GIT_REVISION: Option<&str> = option_env!("STRIDEMAP_GIT_REVISION");
 
 fn main() -> ExitCode {
+    commands::process::end_with_parent();
     // clap answers --help with 0 and wrong usage with 2, as we do.
     let cli = Cli::parse();
     match run(cli.command) {

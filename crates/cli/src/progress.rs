@@ -2,9 +2,9 @@
 //! iteration; in a pipe a line every ten seconds.
 
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use stridemap_lab::run::Watcher;
@@ -18,38 +18,6 @@ use crate::output;
 const LIVE_EVERY: Duration = Duration::from_millis(100);
 /// Time between two lines where nobody sits at a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
-
-/// Whether a robot behind a link is at work.
-static ROBOT_AT_WORK: AtomicBool = AtomicBool::new(false);
-
-/// A flag that Ctrl-C and termination set, the same for the whole process. The first sets it, so that the run
-/// stops after the current stride; the second ends the process.
-pub fn stop_flag() -> Arc<AtomicBool> {
-    static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
-    let flag = FLAG.get_or_init(|| {
-        let flag = Arc::new(AtomicBool::new(false));
-        let seen = Arc::clone(&flag);
-        // Without a handler Ctrl-C just ends the process; the run can be resumed then as well.
-        let _ = ctrlc::set_handler(move || {
-            if seen.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-            output::note(if ROBOT_AT_WORK.load(Ordering::Relaxed) {
-                "emergency stop: the robot gives way until `stridemap stop --rearm` (again to end at once)"
-            } else {
-                "stopping after this stride (again to end at once)"
-            });
-        });
-        flag
-    });
-    Arc::clone(flag)
-}
-
-/// The same flag where a robot behind a link is at work: there Ctrl-C is its emergency stop.
-pub fn robot_stop_flag() -> Arc<AtomicBool> {
-    ROBOT_AT_WORK.store(true, Ordering::Relaxed);
-    stop_flag()
-}
 
 /// Strides that a phase which only measures makes: of one measured policy.
 fn measured_strides(task: &Task, iteration: bool) -> usize {

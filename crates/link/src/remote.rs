@@ -231,8 +231,9 @@ impl RemoteMachine {
             return Ok(());
         }
         let mut reason = "Ctrl-C at the controller".to_owned();
-        // A robot that does not tell its status cannot confirm; one that does may not know of this writer.
-        let told = self.readings.status_is_told(&self.node);
+        // A robot that does not tell its status cannot confirm, and one that was never commanded from here need not;
+        // one that does may not know of this writer.
+        let told = self.counts.commands > 0 && self.readings.status_is_told(&self.node);
         let stopped = self.press_stop(&reason)
             || !told
             || matches!(send_stop(&self.config, &reason, false), Ok(true));

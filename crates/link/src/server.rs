@@ -36,6 +36,36 @@ pub struct Serve {
     pub node: String,
 }
 
+impl Serve {
+    /// Real time of a control period; `None` in lock step.
+    fn period(&self, period_s: f64) -> Result<Option<Duration>, LinkError> {
+        /// The slowest clock: a person would take the robot for dead.
+        const LONGEST_S: f64 = 60.0;
+        let refused = |field, value: f64, problem: &str| LinkError::Config {
+            field,
+            value: format!("{value:?}"),
+            problem: problem.into(),
+        };
+        if let Some(most_s) = self.most_s.filter(|s| !(s.is_finite() && *s >= 0.0)) {
+            return Err(refused("most_s", most_s, "must be finite, at least 0"));
+        }
+        if self.realtime_factor.abs() <= 0.0 {
+            return Ok(None);
+        }
+        let period = Duration::try_from_secs_f64(period_s / self.realtime_factor);
+        match period {
+            Ok(period) if period.as_secs_f64() <= LONGEST_S && !period.is_zero() => {
+                Ok(Some(period))
+            }
+            _ => Err(refused(
+                "realtime_factor",
+                self.realtime_factor,
+                "must be 0, or such that a period takes more than 0 and at most 60 s",
+            )),
+        }
+    }
+}
+
 /// What the robot says of itself, as JSON on [`Topics::STATUS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Status {
@@ -99,6 +129,8 @@ struct In {
 const LIES_COS: f64 = 0.2;
 /// How long lock step waits for an answer before it goes on without, in real time.
 const LOCK_STEP_WAIT: Duration = Duration::from_millis(500);
+/// How long a slow robot may sleep before it looks whether it must end.
+const LONGEST_NAP: Duration = Duration::from_millis(100);
 /// Status messages per second of robot time.
 const STATUS_HZ: f64 = 10.0;
 
@@ -116,6 +148,8 @@ pub fn serve<M: Machine>(
     stop: &AtomicBool,
     ready: &mut dyn FnMut(),
 ) -> Result<ServerReport, LinkError> {
+    let period_s = machine.description().control_period_s;
+    let paced = config.period(period_s)?;
     let mut node = LinkNode::open(&config.link, &config.node)?;
     let link = &config.link;
     let out = Out {
@@ -136,8 +170,6 @@ pub fn serve<M: Machine>(
         rearm: node.subscription(Topics::REARM)?,
         set_up: node.subscription(Topics::SET_UP)?,
     };
-    let description = machine.description();
-    let period_s = description.control_period_s;
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     machine.reset(posture, &mut rng)?;
     let mut server = Server {
@@ -155,11 +187,6 @@ pub fn serve<M: Machine>(
     ready();
 
     let period_ns = (period_s * 1e9).round() as u64;
-    let paced = if config.realtime_factor > 0.0 {
-        Some(Duration::from_secs_f64(period_s / config.realtime_factor))
-    } else {
-        None
-    };
     let mut next = Instant::now();
     let mut act = Act::Hold(posture.to_vec());
     while !stop.load(Ordering::Relaxed) {
@@ -178,7 +205,7 @@ pub fn serve<M: Machine>(
                     server.report.late += 1;
                     next = now;
                 }
-                server.listen_until(next, now_ns, now_s);
+                server.listen_until(next, now_ns, now_s, stop);
             }
             None => server.listen_for_answer(now_ns, now_s),
         }
@@ -307,7 +334,7 @@ impl Server {
     }
 
     /// Paced: waits for the period's end. What arrives acts at that boundary.
-    fn listen_until(&mut self, deadline: Instant, now_ns: u64, now_s: f64) {
+    fn listen_until(&mut self, deadline: Instant, now_ns: u64, now_s: f64, stop: &AtomicBool) {
         let told = Instant::now();
         if self.guard.has_writer(now_s) {
             loop {
@@ -316,14 +343,20 @@ impl Server {
                     break;
                 }
                 let left = deadline.saturating_duration_since(Instant::now());
-                if left.is_zero() {
+                if left.is_zero() || stop.load(Ordering::Relaxed) {
                     self.pending += 1;
                     return;
                 }
                 std::thread::sleep(left.min(NAP));
             }
         }
-        std::thread::sleep(deadline.saturating_duration_since(Instant::now()));
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() || stop.load(Ordering::Relaxed) {
+                break;
+            }
+            std::thread::sleep(left.min(LONGEST_NAP));
+        }
         self.listen(now_s);
     }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
+use stridemap_lab::builtin::LoadedTask;
 use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
@@ -16,6 +17,7 @@ use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use super::beside::Doing;
 use super::linked::{beside_run, plant};
+use super::on_robot;
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -33,6 +35,11 @@ fn task_and_policy(
     common: &Common,
 ) -> Result<(Task, SavedPolicy, Option<FallsIn>), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
+    let loaded = LoadedTask {
+        task: run.task.clone(),
+        resolved: String::new(),
+    };
+    let task = on_robot(loaded, common)?.task;
     let measured = if nominal {
         run.progress.nominal
     } else {
@@ -40,14 +47,14 @@ fn task_and_policy(
     };
     let falls = measured.map(|p| (p.falls, p.strides));
     let policy = if nominal {
-        run.task.nominal_policy()?
+        task.nominal_policy()?
     } else {
         run.policy()?
     };
     policy
-        .check_fits(&run.task.process_spec()?)
+        .check_fits(&task.process_spec()?)
         .map_err(LabError::from)?;
-    Ok((run.task, policy, falls))
+    Ok((task, policy, falls))
 }
 
 #[derive(Serialize)]
@@ -153,15 +160,10 @@ pub fn run(
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
-    if !(seconds.is_finite() && seconds > 0.0) {
-        return Err(Failure::request("--seconds must be positive"));
-    }
     let (task, policy, falls) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
-            let task = builtin::load(name, &common.sets)?
-                .on(common.robot.map(Into::into), common.seed)?
-                .task;
+            let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
             let policy = task.nominal_policy()?;
             (task, policy, None)
         }
@@ -331,12 +333,9 @@ pub fn push(
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
-    let positive = |x: f64| x.is_finite() && x > 0.0;
     let config = of(1.0); // of any mass: what the user typed is looked at before a robot is built
-    if !(positive(config.force_n) && positive(config.duration_s) && config.strides > 0) {
-        return Err(Failure::request(
-            "--force, --duration and --strides must be positive",
-        ));
+    if config.strides == 0 {
+        return Err(Failure::request("--strides must be at least 1"));
     }
     let (task, policy, falls) = task_and_policy(path, nominal, common)?;
     let doing = Doing::apply(format!("be pushed in {} strides", config.strides), falls);
@@ -344,7 +343,8 @@ pub fn push(
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let config = of(plant.robot().description().mass_kg);
     // Pushes of another robot than the run's own are not part of the run.
-    let into_run = common.sets.is_empty().then_some(path);
+    let own = common.sets.is_empty() && common.robot.is_none();
+    let into_run = own.then_some(path);
     let film = film(&mut plant, &task);
     let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
     plant.observe(None);

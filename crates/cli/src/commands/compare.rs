@@ -12,6 +12,7 @@ use stridemap_learn::{Policy, SavedPolicy};
 use stridemap_report::figures::{Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig8, fig9};
 
 use super::learners::interval;
+use super::on_robot;
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -105,9 +106,7 @@ pub fn run_arms(
     if seeds == 0 {
         return Err(Failure::request("--seeds must be at least 1"));
     }
-    let task = builtin::load(name, &common.sets)?
-        .on(common.robot.map(Into::into), common.seed)?
-        .task;
+    let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
     let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
     let progress = SeedProgress::new(list.len());
     let arms = parallel::over(&list, common.threads, |&seed| {
@@ -201,8 +200,11 @@ pub fn compare(
     common: &Common,
 ) -> Result<(), Failure> {
     let task_of = |seed| -> Result<_, Failure> {
-        let loaded = builtin::load(name, &common.sets)?;
-        Ok(loaded.on(common.robot.map(Into::into), seed)?.task)
+        let common = Common {
+            seed,
+            ..common.clone()
+        };
+        Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
     };
     let task = task_of(common.seed)?;
     // On a robot that is known by its sensors alone there is no "full model" to learn on.
@@ -326,8 +328,11 @@ fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Resu
     let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
     let progress = SeedProgress::new(list.len());
     let task_of = |seed| -> Result<_, Failure> {
-        let loaded = builtin::load(name, &common.sets)?;
-        Ok(loaded.on(common.robot.map(Into::into), seed)?.task)
+        let common = Common {
+            seed,
+            ..common.clone()
+        };
+        Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
     };
     let rows = parallel::over(&list, common.threads, |&seed| {
         let result = task_of(seed).and_then(|task| Ok(steer(&task, seed)?));

@@ -1,17 +1,19 @@
 //! The fault table: faults of network, messages and robot on a running link, and of processes on processes.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
+use nix::sys::signal::Signal;
 use stridemap_link::{FAULT_DOMAINS, FaultRow, Status, StatusEar, fault_table};
 use stridemap_robot::Ros2Config;
 
+use super::process::Process;
 use crate::args::FaultKind;
 use crate::failure::Failure;
 use crate::output;
+use crate::stop::stop_flag;
 
 /// Strides that each controller makes in the end.
 const STRIDES: usize = 8;
@@ -24,55 +26,6 @@ fn working(what: impl std::fmt::Display) -> Failure {
     Failure::working(what.to_string())
 }
 
-/// A process of this program that ends with its owner.
-struct Process(Child);
-
-impl Process {
-    fn start(arguments: &[String]) -> Result<Self, Failure> {
-        let me = std::env::current_exe().map_err(working)?;
-        let child = Command::new(me)
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .map_err(|e| working(format!("cannot start a process: {e}")))?;
-        Ok(Self(child))
-    }
-
-    fn signal(&self, signal: Signal) -> Result<(), Failure> {
-        let id = i32::try_from(self.0.id()).map_err(working)?;
-        kill(Pid::from_raw(id), signal).map_err(working)
-    }
-
-    /// Kills it as `kill -9` does.
-    fn kill(&mut self) -> Result<(), Failure> {
-        self.0
-            .kill()
-            .and_then(|()| self.0.wait().map(|_| ()))
-            .map_err(working)
-    }
-
-    /// Waits for its end; whether it ended well.
-    fn end(&mut self) -> Result<bool, Failure> {
-        let deadline = Instant::now() + PATIENCE;
-        while Instant::now() < deadline {
-            if let Some(status) = self.0.try_wait().map_err(working)? {
-                return Ok(status.success());
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        Err(working("a process did not end"))
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// A robot and a controller, each a process, and an ear on the robot.
 struct Pair {
     domain: u16,
@@ -80,16 +33,18 @@ struct Pair {
     controller: Process,
     ear: StatusEar,
     run: PathBuf,
+    dir: PathBuf,
 }
 
 fn words(text: &str) -> Vec<String> {
     text.split_whitespace().map(ToOwned::to_owned).collect()
 }
 
-fn robot(domain: u16) -> Result<Process, Failure> {
-    Process::start(&words(&format!(
+fn robot(domain: u16, dir: &Path) -> Result<Process, Failure> {
+    let robot = words(&format!(
         "robot op3 --seed 1 --domain {domain} --seconds 600"
-    )))
+    ));
+    Process::start(&robot, Some(&dir.join("robot.log")))
 }
 
 impl Pair {
@@ -100,21 +55,22 @@ impl Pair {
             domain,
             ..Ros2Config::default()
         })?;
-        let robot = robot(domain)?;
+        let robot = robot(domain, dir)?;
         let mut collect = words(&format!(
             "collect small-stepping --robot ros2 --yes --set link.domain={domain} --set \
              collect.strides=[{STRIDES}] --set link.silence_s=0.5 --set link.connect_s=5"
         ));
         collect.extend(["--out".to_owned(), run.display().to_string()]);
-        let controller = Process::start(&collect)?;
-        let pair = Self {
+        let controller = Process::start(&collect, Some(&dir.join("controller.log")))?;
+        let mut pair = Self {
             domain,
             robot,
             controller,
             ear,
             run,
+            dir: dir.into(),
         };
-        pair.wait_for(|rows| rows.len() >= BEFORE)?;
+        pair.wait_for("strides", |rows| rows.len() >= BEFORE)?;
         Ok(pair)
     }
 
@@ -125,23 +81,35 @@ impl Pair {
         whole.lines().skip(1).map(ToOwned::to_owned).collect()
     }
 
-    fn wait_for(&self, done: impl Fn(&[String]) -> bool) -> Result<(), Failure> {
+    fn wait_for(&mut self, what: &str, done: impl Fn(&[String]) -> bool) -> Result<(), Failure> {
         let deadline = Instant::now() + PATIENCE;
-        while !done(&self.rows()) {
+        loop {
+            // Asked first: what it wrote before it ended counts.
+            let ended = self.controller.ended()?;
+            if done(&self.rows()) {
+                return Ok(());
+            }
+            if let Some(status) = ended {
+                return Err(working(format!(
+                    "the controller ended before it made {what} ({status}); it said:\n{}",
+                    self.controller.last_words()
+                )));
+            }
             if Instant::now() > deadline {
-                return Err(working("the controller made no strides"));
+                return Err(working(format!(
+                    "the controller did not make {what} in time"
+                )));
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        Ok(())
     }
 
     /// Goes on with the run; whether it came to its end with every stride from before.
     fn resume(&mut self, before: &[String]) -> Result<bool, Failure> {
         let run = self.run.display().to_string();
         let go_on = ["collect".to_owned(), run, "--yes".to_owned()];
-        self.controller = Process::start(&go_on)?;
-        let ended = self.controller.end()?;
+        self.controller = Process::start(&go_on, Some(&self.dir.join("controller.log")))?;
+        let ended = self.controller.end(PATIENCE)?;
         Ok(ended && self.rows().starts_with(before) && crossings(&self.rows()) == STRIDES)
     }
 
@@ -215,11 +183,13 @@ fn robot_killed(domain: u16, dir: &Path) -> Result<FaultRow, Failure> {
     let mut pair = Pair::start(domain, dir)?;
     let began = Instant::now();
     pair.robot.kill()?;
-    pair.wait_for(|rows| rows.iter().any(|row| is(row, "aborted")))?;
+    pair.wait_for("an aborted stride", |rows| {
+        rows.iter().any(|row| is(row, "aborted"))
+    })?;
     let took_s = began.elapsed().as_secs_f64();
-    let gave_up = !pair.controller.end()?;
+    let gave_up = !pair.controller.end(PATIENCE)?;
     let before = pair.rows();
-    pair.robot = robot(pair.domain)?;
+    pair.robot = robot(pair.domain, dir)?;
     let kept = pair.resume(&before)?;
     Ok(FaultRow::new(
         "robot killed (-9)",
@@ -248,7 +218,7 @@ fn controller_stopped(domain: u16, dir: &Path) -> Result<FaultRow, Failure> {
     std::thread::sleep(Duration::from_secs(1));
     let (hold, damp) = pair.reaction(began);
     pair.controller.signal(Signal::SIGCONT)?;
-    let ended = pair.controller.end()?;
+    let ended = pair.controller.end(PATIENCE)?;
     let rows = pair.rows();
     let aborted = rows.iter().filter(|row| is(row, "aborted")).count();
     Ok(FaultRow::new(
@@ -274,53 +244,87 @@ impl Drop for Scratch {
 }
 
 /// Faults of processes: the robot and the controller are processes of this program.
-fn process_faults(domain: u16) -> Result<Vec<FaultRow>, Failure> {
+fn process_faults(domain: u16, dir: &Path, row: &mut dyn FnMut(FaultRow)) -> Result<(), Failure> {
+    row(controller_killed(domain, dir)?);
+    row(robot_killed(domain + 1, dir)?);
+    row(controller_stopped(domain + 2, dir)?);
+    Ok(())
+}
+
+/// Tries every fault and tells each row as soon as it is known.
+fn try_all(
+    only: Option<FaultKind>,
+    domain: u16,
+    dir: &Path,
+    row: &mut dyn FnMut(FaultRow),
+) -> Result<(), Failure> {
+    if only != Some(FaultKind::Link) {
+        process_faults(domain + FAULT_DOMAINS, dir, row)?;
+    }
+    if only != Some(FaultKind::Processes) {
+        let link = Ros2Config {
+            domain,
+            ..Ros2Config::default()
+        };
+        fault_table(&link, row)?;
+    }
+    Ok(())
+}
+
+fn show(row: &FaultRow) {
+    let within = row.within_ms.map_or("-".into(), |ms| format!("{ms:.0} ms"));
+    output::line(format!(
+        "{} {:<50} {within:>8}  {}",
+        if row.ok { "ok  " } else { "FAIL" },
+        row.fault,
+        row.seen
+    ));
+}
+
+/// Tries every fault and prints the table: each row when it is known, and those that are known when it ends
+/// too early.
+pub fn faults(json: bool, only: Option<FaultKind>, domain: u16) -> Result<(), Failure> {
+    /// The last from which all that are needed are there.
+    const LAST: u16 = 232 - FAULT_DOMAINS - 3;
+    if domain > LAST {
+        return Err(Failure::request(format!("--domain must be at most {LAST}")));
+    }
     let name = format!("stridemap-faults-{}", std::process::id());
     let scratch = Scratch(std::env::temp_dir().join(name));
     std::fs::create_dir_all(&scratch.0).map_err(working)?;
-    Ok(vec![
-        controller_killed(domain, &scratch.0)?,
-        robot_killed(domain + 1, &scratch.0)?,
-        controller_stopped(domain + 2, &scratch.0)?,
-    ])
-}
-
-/// Tries every fault and prints the table.
-pub fn faults(json: bool, only: Option<FaultKind>, domain: u16) -> Result<(), Failure> {
-    if domain > 232 - FAULT_DOMAINS - 3 {
-        return Err(Failure::request(format!(
-            "--domain must be at most {}",
-            232 - FAULT_DOMAINS - 3
-        )));
-    }
-    let mut rows = Vec::new();
-    if only != Some(FaultKind::Link) {
-        rows.extend(process_faults(domain + FAULT_DOMAINS)?);
-    }
-    if only != Some(FaultKind::Processes) {
-        rows.extend(fault_table(&Ros2Config {
-            domain,
-            ..Ros2Config::default()
-        })?);
-    }
+    let stop = stop_flag();
+    let (told, hears) = channel();
+    // Beside this thread, which hears Ctrl-C wherever the other waits. Its processes end with this one.
+    let dir = scratch.0.clone();
+    std::thread::spawn(move || {
+        let mut row = |row| {
+            let _ = told.send(Ok(row));
+        };
+        if let Err(failure) = try_all(only, domain, &dir, &mut row) {
+            let _ = told.send(Err(failure));
+        }
+    });
+    let mut rows: Vec<FaultRow> = Vec::new();
+    let failure = loop {
+        match hears.recv_timeout(Duration::from_millis(50)) {
+            Ok(Ok(row)) => {
+                if !json {
+                    show(&row);
+                }
+                rows.push(row);
+            }
+            Ok(Err(failure)) => break Some(failure),
+            Err(RecvTimeoutError::Timeout) if !stop.load(Ordering::Relaxed) => {}
+            Err(RecvTimeoutError::Timeout) => break Some(working("stopped before the last fault")),
+            Err(RecvTimeoutError::Disconnected) => break None,
+        }
+    };
     if json {
         output::json(&rows)?;
-    } else {
-        for row in &rows {
-            let within = row.within_ms.map_or("-".into(), |ms| format!("{ms:.0} ms"));
-            output::line(format!(
-                "{} {:<50} {within:>8}  {}",
-                if row.ok { "ok  " } else { "FAIL" },
-                row.fault,
-                row.seen
-            ));
-        }
     }
-    if rows.iter().all(|row| row.ok) {
-        Ok(())
-    } else {
-        Err(Failure::working(
-            "the link did not meet every fault as it must",
-        ))
+    match failure {
+        Some(failure) => Err(failure),
+        None if rows.iter().all(|row| row.ok) => Ok(()),
+        None => Err(working("the link did not meet every fault as it must")),
     }
 }

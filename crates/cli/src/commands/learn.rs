@@ -11,12 +11,13 @@ use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin};
 
 use super::beside::Doing;
 use super::linked::algorithm;
-use super::{provenance, run_path};
+use super::{in_network, on_robot, provenance, run_path};
 use crate::args::{Common, LearnerName, RobotName};
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
-use crate::progress::{RunProgress, SeedProgress, stop_flag};
+use crate::progress::{RunProgress, SeedProgress};
+use crate::stop::stop_flag;
 
 /// Runs a task, once or for several seeds.
 pub fn learn(
@@ -62,9 +63,7 @@ pub fn start(
     stop: &Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
 ) -> Result<Summary, Failure> {
-    let loaded = &loaded
-        .clone()
-        .on(common.robot.map(Into::into), common.seed)?;
+    let loaded = &on_robot(loaded.clone(), common)?;
     let record = provenance("learn", name, &loaded.task, common)?;
     let mut directory = RunDirectory::create(
         path,
@@ -112,7 +111,8 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
             "--resume goes on with the run's own task; leave out --set",
         ));
     }
-    let run = FinishedRun::open(path, &[])?;
+    let mut run = FinishedRun::open(path, &[])?;
+    in_network(&mut run.task, common)?;
     let watcher = Box::new(RunProgress::new(&run.task));
     let result = go_on(&run, common, &stop_flag(), watcher);
     finished(&run.task, result, path, common.json)

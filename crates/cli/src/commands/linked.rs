@@ -12,7 +12,7 @@ use stridemap_robot::{EstimatedRobot, JointLimits, Machine};
 use super::beside::{Doing, LastEnd, Person, Watcher, plan};
 use crate::args::Common;
 use crate::failure::Failure;
-use crate::progress::robot_stop_flag;
+use crate::stop::robot_stop_flag;
 
 /// The first name of a log in a run's directory that is not taken.
 pub fn log_path(run: &Path) -> PathBuf {
@@ -43,7 +43,7 @@ pub fn plant(
         None => Box::new(SimulatedMachine::new(&task.robot).map_err(lab)?),
         Some(link) => {
             let (names, limits) = joints(task)?;
-            let stop = robot_stop_flag();
+            let stop = robot_stop_flag(link);
             let (text, halt) = (plan(task, doing), Arc::clone(&stop));
             let operator = Person::new(text, common.yes, run, &last_end, stop);
             let period_s = task.robot.control_period_s;

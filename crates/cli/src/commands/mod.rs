@@ -9,6 +9,7 @@ pub mod from_log;
 pub mod learn;
 pub mod learners;
 pub mod linked;
+pub mod process;
 pub mod report;
 pub mod reproduce;
 pub mod robot;
@@ -17,7 +18,8 @@ pub mod verbs;
 
 use std::path::{Path, PathBuf};
 
-use stridemap_lab::{Provenance, Task};
+use stridemap_lab::builtin::LoadedTask;
+use stridemap_lab::{LabError, Provenance, Task, config};
 
 use crate::args::Common;
 use crate::failure::Failure;
@@ -28,6 +30,32 @@ fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
         || PathBuf::from("runs").join(format!("{}-{seed}", task.name)),
         Path::to_path_buf,
     )
+}
+
+/// A task on the robot, and in the network, that the command line names.
+pub fn on_robot(loaded: LoadedTask, common: &Common) -> Result<LoadedTask, Failure> {
+    let mut loaded = loaded.on(common.robot.map(Into::into), common.seed)?;
+    in_network(&mut loaded.task, common)?;
+    loaded.resolved = config::to_toml(&loaded.task).map_err(|e| LabError::Config(Box::new(e)))?;
+    Ok(loaded)
+}
+
+/// Puts a task's robot into the network that the command line names, and refuses one that this machine cannot
+/// join.
+pub fn in_network(task: &mut Task, common: &Common) -> Result<(), Failure> {
+    match &mut task.link {
+        Some(link) => {
+            link.domain = common.domain.unwrap_or(link.domain);
+            if let Some(interface) = &common.interface {
+                link.interface.clone_from(interface);
+            }
+            Ok(stridemap_link::check_network(link)?)
+        }
+        None if common.domain.is_some() || common.interface.is_some() => Err(Failure::request(
+            "--domain and --interface are for a robot behind ROS 2: add --robot ros2",
+        )),
+        None => Ok(()),
+    }
 }
 
 /// The command line that repeats a run, for its record: without the place where it was put.

@@ -1,5 +1,6 @@
 //! Robots behind ROS 2: `robot` simulates one, `stop` stops one, `bench-link` times one.
 
+use nix::sys::signal::Signal;
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{RobotChoice, builtin};
@@ -10,11 +11,12 @@ use stridemap_robot::Ros2Config;
 
 use super::beside::Doing;
 use super::linked::plant;
+use super::process::Process;
 
 use crate::args::{Common, Network};
 use crate::failure::Failure;
 use crate::output;
-use crate::progress::stop_flag;
+use crate::stop::stop_flag;
 
 /// The task whose robot is simulated.
 const TASK: &str = "small-stepping";
@@ -45,12 +47,6 @@ pub fn robot(
     seconds: Option<f64>,
     network: &Network,
 ) -> Result<(), Failure> {
-    if !(rate.is_finite() && (10.0..=1000.0).contains(&rate)) {
-        return Err(Failure::request("--rate must be 10 to 1000"));
-    }
-    if !(realtime_factor.is_finite() && (0.0..=1000.0).contains(&realtime_factor)) {
-        return Err(Failure::request("--realtime-factor must be 0 to 1000"));
-    }
     let choice = if ideal {
         RobotChoice::Op3Ideal
     } else {
@@ -123,15 +119,9 @@ fn cpu_s(process: &str) -> Option<f64> {
 
 /// Times the link: the nominal gait on a robot in another process.
 pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> {
-    let me = std::env::current_exe().map_err(|e| Failure::working(e.to_string()))?;
-    let mut child = std::process::Command::new(me)
-        .args(["robot", "op3", "--domain", &domain.to_string()])
-        .args(["--seconds", &(seconds + 10.0).to_string()])
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::null())
-        .spawn()
-        .map_err(|e| Failure::working(format!("cannot start the robot: {e}")))?;
-    let sets = [format!("link.domain={domain}")];
+    let network = domain.to_string();
+    let robot = ["robot", "op3", "--domain", network.as_str()].map(ToOwned::to_owned);
+    let mut child = Process::start(&robot, None)?;
     let mut task = builtin::load(TASK, &[])?
         .on(Some(RobotChoice::Ros2), 1)?
         .task;
@@ -140,8 +130,10 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     }
     let common = Common {
         seed: 1,
-        sets: sets.to_vec(),
+        sets: Vec::new(),
         robot: None,
+        domain: None,
+        interface: None,
         yes: true,
         log: false,
         json,
@@ -156,12 +148,18 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     let (child_id, before) = (child.id().to_string(), cpu_s("self"));
     let child_before = cpu_s(&child_id);
     let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
-    let mut strides = 0;
+    let (mut strides, mut broken) = (0, None);
     while started.elapsed().as_secs_f64() < seconds {
         let stride = plant
             .stride(&neutral, &mut rng)
             .map_err(stridemap_lab::LabError::from)?;
         if stride.end != StrideEnd::Crossing {
+            broken = Some(Failure::working(format!(
+                "stride {} ended as {:?}: the bench lasted {:.1} of {seconds} s",
+                strides + 1,
+                stride.end,
+                started.elapsed().as_secs_f64()
+            )));
             break;
         }
         strides += 1;
@@ -170,20 +168,22 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     let share = |before: Option<f64>, after: Option<f64>| Some((after? - before?) / elapsed);
     let robot_cpu = share(child_before, cpu_s(&child_id));
     let controller_cpu = share(before, cpu_s("self"));
-    let mut told = String::new();
-    if let Some(mut stdout) = child.stdout.take() {
-        let _ = std::io::Read::read_to_string(&mut stdout, &mut told);
+    // It prints its report and ends.
+    child.signal(Signal::SIGTERM)?;
+    let mut report = String::new();
+    if let Some(mut stdout) = child.stdout() {
+        let _ = std::io::Read::read_to_string(&mut stdout, &mut report);
     }
-    let _ = child.wait();
     let shown = LinkBench {
         seconds: elapsed,
-        robot: serde_json::from_str(&told)?,
+        robot: serde_json::from_str(&report)?,
         robot_cpu,
         controller_cpu,
         strides,
     };
     if json {
-        return output::json(&shown);
+        output::json(&shown)?;
+        return broken.map_or(Ok(()), Err);
     }
     let percent = |v: Option<f64>| v.map_or("?".into(), |v| format!("{:.1} %", 100.0 * v));
     let r = &shown.robot;
@@ -198,5 +198,5 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
         percent(robot_cpu),
         percent(controller_cpu)
     ));
-    Ok(())
+    broken.map_or(Ok(()), Err)
 }

@@ -5,15 +5,14 @@ use std::path::Path;
 use stridemap_lab::run::files;
 use stridemap_lab::{builtin, check as look};
 
+use super::on_robot;
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
 
 /// Looks at a task and says whether it can work.
 pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
-    let task = builtin::load(name, &common.sets)?
-        .on(common.robot.map(Into::into), common.seed)?
-        .task;
+    let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
     let report = look(&task, common.seed)?;
     if common.json {
         output::json(&report)?;

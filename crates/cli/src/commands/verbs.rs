@@ -10,11 +10,12 @@ use stridemap_lab::{Algorithm, Performance, Phase, Progress, Task, Transition, b
 use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
 use super::beside::Doing;
-use super::{linked, provenance, run_path};
+use super::{in_network, linked, on_robot, provenance, run_path};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
-use crate::progress::{RunProgress, duration, stop_flag};
+use crate::progress::{RunProgress, duration};
+use crate::stop::stop_flag;
 
 /// Makes the next batch of strides: starts a run of a task, or goes on with a run.
 pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
@@ -26,8 +27,11 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
             ));
         }
         let FinishedRun {
-            task, provenance, ..
+            mut task,
+            provenance,
+            ..
         } = FinishedRun::open(run, &[])?;
+        in_network(&mut task, common)?;
         let watcher = Box::new(RunProgress::new(&task));
         let (mut directory, progress) =
             RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
@@ -48,8 +52,7 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
         algorithm.collect(&mut directory)?;
         return show_batch(&task, &algorithm, &mut directory, common.json);
     }
-    let loaded =
-        builtin::load(task_or_run, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
+    let loaded = on_robot(builtin::load(task_or_run, &common.sets)?, common)?;
     let path = run_path(out, &loaded.task, common.seed);
     let record = provenance("collect", task_or_run, &loaded.task, common)?;
     let watcher = Box::new(RunProgress::new(&loaded.task));

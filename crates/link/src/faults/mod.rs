@@ -67,13 +67,13 @@ fn ms(seconds: f64) -> String {
     format!("{:.0} ms", 1e3 * seconds)
 }
 
-/// Tries every fault of network, messages and robot on a running link and says what was seen. Rows use domains of
-/// their own, from the configuration's on: [`FAULT_DOMAINS`] of them.
+/// Tries every fault of network, messages and robot on a running link and tells `row` what was seen, as soon as
+/// it is known. Rows use domains of their own, from the configuration's on: [`FAULT_DOMAINS`] of them.
 ///
 /// # Errors
 ///
 /// [`LinkError`] if the network cannot be joined, or a link without a fault does not work.
-pub fn fault_table(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {
+pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) -> Result<(), LinkError> {
     let mut domain = link.domain;
     let mut next = || {
         let link = Ros2Config {
@@ -84,13 +84,12 @@ pub fn fault_table(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {
         domain += 2;
         link
     };
-    let mut rows = Vec::new();
     for for_ms in [20, 60, 500, 5000] {
-        rows.push(network::cut(&next(), for_ms)?);
+        row(network::cut(&next(), for_ms)?);
     }
-    rows.push(network::delayed(&next(), 0.2)?);
+    row(network::delayed(&next(), 0.2)?);
     let fair = Weather::default();
-    rows.push(network::borne(
+    row(network::borne(
         &next(),
         "reordered: one of 5 messages overtaken by the next",
         Weather {
@@ -100,7 +99,7 @@ pub fn fault_table(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {
         |r| r.out_of_order,
         "heartbeats out of order refused",
     )?);
-    rows.push(network::borne(
+    row(network::borne(
         &next(),
         "duplicated: every message twice",
         Weather {
@@ -110,7 +109,7 @@ pub fn fault_table(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {
         |r| r.out_of_order,
         "heartbeats refused as known",
     )?);
-    rows.push(network::borne(
+    row(network::borne(
         &next(),
         "5 % lost: one of 20 messages of each topic",
         Weather {
@@ -120,7 +119,9 @@ pub fn fault_table(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {
         |r| r.stale,
         "commands refused",
     )?);
-    rows.extend(messages::bad_messages(&next())?);
+    messages::bad_messages(&next())?
+        .into_iter()
+        .for_each(&mut *row);
     let lies: [(&str, robot::Lie); 5] = [
         ("clock jumped back by 5 s", |_, _, stamp, _| {
             *stamp -= 5_000_000_000;
@@ -137,11 +138,11 @@ pub fn fault_table(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {
         ("foot-load sensor silent", |_, _, _, foot| *foot = false),
     ];
     for (fault, lie) in lies {
-        rows.push(robot::lying_robot(&next(), fault, lie)?);
+        row(robot::lying_robot(&next(), fault, lie)?);
     }
-    rows.push(robot::emergency_stop(&next())?);
-    rows.push(robot::second_writer(&next())?);
-    Ok(rows)
+    row(robot::emergency_stop(&next())?);
+    row(robot::second_writer(&next())?);
+    Ok(())
 }
 
 /// Domains that [`fault_table`] uses.

@@ -10,10 +10,12 @@ use stridemap_report::run::Run;
 
 use crate::args::Common;
 use crate::commands::learn::{go_on, start};
+use crate::commands::on_robot;
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
-use crate::progress::{SeedProgress, stop_flag};
+use crate::progress::SeedProgress;
+use crate::stop::stop_flag;
 
 /// Where runs are, of which seeds, and how they are made.
 pub struct Runs<'a> {
@@ -115,7 +117,7 @@ impl<'a> Runs<'a> {
             )?;
             return Ok((summary, "made"));
         }
-        let asked = loaded.clone().on(common.robot.map(Into::into), seed)?;
+        let asked = on_robot(loaded.clone(), &common)?;
         let same = files::read_text(&config)? == asked.resolved;
         let run = FinishedRun::open(&path, &[])?;
         if !same || run.provenance.seed != seed {

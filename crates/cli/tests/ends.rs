@@ -1,0 +1,167 @@
+//! How commands are refused, broken off and outlived: numbers out of bounds, signals, parents that die.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+const STRIDEMAP: &str = env!("CARGO_BIN_EXE_stridemap");
+
+/// A process that ends with the test.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start(dir: &Path, program: &str, arguments: &[&str]) -> Process {
+    let child = Command::new(program)
+        .current_dir(dir)
+        .args(arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    Process(child)
+}
+
+fn wait<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    loop {
+        if let Some(done) = done() {
+            return done;
+        }
+        assert!(Instant::now() < deadline, "{what} did not come");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn signal(id: u32, signal: Signal) {
+    kill(Pid::from_raw(id.try_into().unwrap()), signal).unwrap();
+}
+
+#[test]
+fn numbers_and_networks_that_make_no_sense_are_refused_before_anything_is_done() {
+    let dir = tempfile::tempdir().unwrap();
+    for (words, told) in [
+        ("robot op3 --realtime-factor 1e-300", "realtime_factor"),
+        ("robot op3 --realtime-factor nan", "must be 0 to 1000"),
+        ("robot op3 --seconds nan", "must be 0 to"),
+        ("robot op3 --rate 1e9", "must be 10 to 1000"),
+        ("robot op3 --domain 233", "233"),
+        ("robot op3 --interface 203.0.113.7", "127.0.0.1 (lo)"),
+        ("stop --interface ::1", "IPv4"),
+        ("bench-link --seconds inf", "must be 1 to"),
+        ("run --nominal stepping --seconds -1", "must be 0.001 to"),
+        ("push run --force nan", "must be 0.000001 to"),
+        ("learn stepping --until-error nan", "must be 0 to"),
+        ("learn stepping --domain 5 --out run", "--robot ros2"),
+        (
+            "learn small-stepping --robot ros2 --yes --interface 203.0.113.7 --out run",
+            "no interface with that address",
+        ),
+        (
+            "learn small-stepping --robot ros2 --yes --set=link.connect_s=1e300 --out run",
+            "link.connect_s",
+        ),
+    ] {
+        let words = words.replace(" -1", "=-1");
+        let output = Command::new(STRIDEMAP)
+            .current_dir(dir.path())
+            .args(words.split(' '))
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{words}: {stderr}");
+        assert!(stderr.contains(told), "{words}: {stderr}");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "{words}");
+    }
+}
+
+#[test]
+fn ctrl_c_is_heard_in_the_middle_of_a_computation_and_the_run_stays() {
+    let dir = tempfile::tempdir().unwrap();
+    // The map's fit alone would take hours.
+    let words = "learn stepping --out run --set map.starts=100000 --set record.strides=3 --set record.discard=0";
+    let words: Vec<&str> = words.split(' ').collect();
+    let mut learn = start(dir.path(), STRIDEMAP, &words);
+    let log = dir.path().join("run/events.ndjson");
+    wait("the fit", || {
+        let text = std::fs::read_to_string(&log).unwrap_or_default();
+        text.contains("\"collect\"").then_some(())
+    });
+    std::thread::sleep(Duration::from_millis(200));
+    signal(learn.0.id(), Signal::SIGINT);
+    let status = wait("the end", || learn.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(1));
+    let table = std::fs::read_to_string(dir.path().join("run/transitions.csv")).unwrap();
+    assert_eq!(table.lines().count(), 21, "{table}");
+}
+
+#[test]
+fn a_hangup_that_was_ignored_at_the_start_stays_ignored() {
+    let dir = tempfile::tempdir().unwrap();
+    for (trap, ignored) in [("trap '' HUP;", true), ("", false)] {
+        let script = format!("{trap} exec '{STRIDEMAP}' robot op3 --domain 138 --seconds 100000");
+        let mut robot = start(dir.path(), "sh", &["-c", &script]);
+        let caught = || {
+            let path = format!("/proc/{}/status", robot.0.id());
+            let status = std::fs::read_to_string(path).ok()?;
+            let mask = status.lines().find_map(|l| l.strip_prefix("SigCgt:"))?;
+            let mask = u64::from_str_radix(mask.trim(), 16).ok()?;
+            // Termination (15) is caught as soon as the robot listens to signals.
+            (mask & (1 << 14) != 0).then_some(mask)
+        };
+        let mask = wait("the handler", caught);
+        assert_eq!(mask & 1 == 0, ignored, "{mask:x}");
+        signal(robot.0.id(), Signal::SIGHUP);
+        if ignored {
+            signal(robot.0.id(), Signal::SIGTERM);
+        }
+        assert!(wait("the end", || robot.0.try_wait().unwrap()).success());
+    }
+}
+
+/// Processes whose parent is this one, and what they were called with.
+fn children(parent: u32) -> Vec<(u32, String)> {
+    let of = |entry: std::fs::DirEntry| {
+        let id: u32 = entry.file_name().to_str()?.parse().ok()?;
+        let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        let words = std::fs::read_to_string(entry.path().join("cmdline")).ok()?;
+        (fields.get(1)? == &parent.to_string()).then(|| (id, words.replace('\0', " ")))
+    };
+    let all = std::fs::read_dir("/proc").unwrap();
+    all.filter_map(|entry| of(entry.ok()?)).collect()
+}
+
+#[test]
+fn the_processes_of_the_fault_table_end_with_it_however_it_ends() {
+    let dir = tempfile::tempdir().unwrap();
+    for how in [Signal::SIGKILL, Signal::SIGTERM] {
+        let words = ["faults", "--only", "processes", "--domain", "60"];
+        let mut faults = start(dir.path(), STRIDEMAP, &words);
+        let own = wait("robot and controller", || {
+            let own = children(faults.0.id());
+            (own.len() == 2).then_some(own)
+        });
+        assert!(own.iter().any(|(_, words)| words.contains("robot op3")));
+        signal(faults.0.id(), how);
+        let status = wait("the end", || faults.0.try_wait().unwrap());
+        assert!(!status.success());
+        wait("the end of its processes", || {
+            // One that nobody has waited for yet is a zombie.
+            let gone = |id: &u32| {
+                let stat = std::fs::read_to_string(format!("/proc/{id}/stat"));
+                stat.map_or(true, |s| s.contains(") Z "))
+            };
+            own.iter().all(|(id, _)| gone(id)).then_some(())
+        });
+    }
+}
