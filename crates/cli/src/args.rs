@@ -263,7 +263,7 @@ pub enum Command {
     /// Makes the next batch of strides on the robot (starts a run, or goes on with one).
     Collect {
         /// A task, to start a run; or a run directory, to go on.
-        task: String,
+        task: PathBuf,
         /// Makes the strides from a robot's log instead, with no robot at all, and writes them as CSV (to
         /// stdout, or to --out).
         #[arg(long, value_name = "LOG.mcap")]

@@ -20,9 +20,17 @@ const GIT_REVISION: Option<&str> = option_env!("STRIDEMAP_GIT_REVISION");
 
 fn main() -> ExitCode {
     commands::process::end_with_parent();
-    // clap answers --help with 0 and wrong usage with 2, as we do.
-    let cli = Cli::parse();
-    match run(cli.command) {
+    let done = match Cli::try_parse() {
+        Ok(cli) => run(cli.command),
+        Err(said) => {
+            output::usage(&said);
+            if said.use_stderr() {
+                return ExitCode::from(2);
+            }
+            Ok(())
+        }
+    };
+    match done.and_then(|()| output::written()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             output::error(&failure);

@@ -1,16 +1,48 @@
 //! The only place that prints: results to stdout, everything else to stderr.
 #![allow(clippy::print_stdout, clippy::print_stderr)] // This is the place.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
+use std::sync::Mutex;
 
 use serde::Serialize;
 
 use crate::failure::Failure;
 
-/// Prints a line of a result. A closed pipe (`| head`) is not an error.
+/// The first error on stdout but a closed pipe (`| head`), which is none.
+static LOST: Mutex<Option<std::io::Error>> = Mutex::new(None);
+
+/// Keeps an error on stdout until [`written`] is asked.
+fn keep(written: std::io::Result<()>) {
+    if let Err(error) = written
+        && error.kind() != ErrorKind::BrokenPipe
+        && let Ok(mut lost) = LOST.lock()
+    {
+        lost.get_or_insert(error);
+    }
+}
+
+/// Whether every result reached stdout: asked once, at the end of every command.
+pub fn written() -> Result<(), Failure> {
+    keep(std::io::stdout().flush());
+    match LOST.lock().ok().and_then(|mut lost| lost.take()) {
+        Some(error) => Err(Failure::working(format!(
+            "the result could not be written to stdout: {error}"
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Prints a line of a result.
 pub fn line(text: impl AsRef<str>) {
-    let mut stdout = std::io::stdout().lock();
-    let _ = writeln!(stdout, "{}", text.as_ref());
+    keep(writeln!(std::io::stdout().lock(), "{}", text.as_ref()));
+}
+
+/// Prints what clap has to say: help and version are results, wrong usage is not.
+pub fn usage(said: &clap::Error) {
+    let printed = said.print();
+    if !said.use_stderr() {
+        keep(printed);
+    }
 }
 
 /// Prints a result as one JSON document.

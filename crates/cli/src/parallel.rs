@@ -4,6 +4,17 @@ use rayon::prelude::*;
 
 use crate::failure::Failure;
 
+/// The seeds `first`, `first + 1`, ..., so many.
+pub fn seeds(first: u64, count: u64) -> Result<Vec<u64>, Failure> {
+    let last = first.checked_add(count.saturating_sub(1)).ok_or_else(|| {
+        Failure::request(format!(
+            "--seed {first} --seeds {count}: the last seed would be beyond {}",
+            u64::MAX
+        ))
+    })?;
+    Ok((first..=last).collect())
+}
+
 /// Does `work` for each item on at most `threads` threads; results are in the order of the items,
 /// whatever the number of threads.
 pub fn over<T: Sync, R: Send>(

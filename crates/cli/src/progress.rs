@@ -236,6 +236,10 @@ pub fn duration(seconds: f64) -> String {
 }
 
 impl Watcher for RunProgress {
+    fn note(&mut self, text: &str) {
+        output::note(text);
+    }
+
     fn stride(&mut self, t: &Transition, what: Option<&str>) {
         let learning = t.phase != StridePhase::Record;
         if learning {

@@ -387,3 +387,159 @@ fn the_small_humanoids_figures_say_what_the_run_recorded() {
     );
     assert!(read("fig15.svg").contains("Seen from ahead"));
 }
+
+fn learns_until_killed(dir: &Path, arguments: &[&str], until: impl Fn() -> bool) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_stridemap"))
+        .current_dir(dir)
+        .args(arguments)
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    while !until() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// Files of a run that hold no time.
+fn timeless(run: &Path) -> Vec<(String, Vec<u8>)> {
+    [
+        "config.toml",
+        "transitions.csv",
+        "record.csv",
+        "learning.csv",
+        "policy/final.json",
+    ]
+    .map(|name| (name.to_owned(), std::fs::read(run.join(name)).unwrap()))
+    .to_vec()
+}
+
+#[test]
+fn a_killed_batch_goes_on_with_the_same_command() {
+    let dir = tempfile::tempdir().unwrap();
+    let arguments = [
+        &[
+            "learn",
+            "stepping",
+            "--json",
+            "--seeds",
+            "3",
+            "--threads",
+            "1",
+        ][..],
+        &SHORT,
+    ]
+    .concat();
+    let out = |out| [&arguments[..], &["--out", out]].concat();
+    let whole = json(&stridemap(dir.path(), &out("whole")));
+    let second = dir.path().join("cut/stepping-2/transitions.csv");
+    learns_until_killed(dir.path(), &out("cut"), || second.exists());
+    let done = std::fs::metadata(dir.path().join("cut/stepping-1/summary.json")).unwrap();
+    let cut = json(&stridemap(dir.path(), &out("cut")));
+    assert_eq!(whole["runs"].as_array().unwrap().len(), 3);
+    assert_eq!(whole["median_mean_reward"], cut["median_mean_reward"]);
+    for seed in 1..=3 {
+        let run = |of: &str| dir.path().join(format!("{of}/stepping-{seed}"));
+        assert!(
+            timeless(&run("whole")) == timeless(&run("cut")),
+            "seed {seed}"
+        );
+    }
+    let taken = std::fs::metadata(dir.path().join("cut/stepping-1/summary.json")).unwrap();
+    assert_eq!(
+        done.modified().unwrap(),
+        taken.modified().unwrap(),
+        "a finished seed is kept"
+    );
+    // The same seeds of another task are not the same batch.
+    let other = stridemap(
+        dir.path(),
+        &[&out("cut")[..], &["--set", "robot.mass_scale=1.1"]].concat(),
+    );
+    assert_eq!(other.status.code(), Some(2));
+    assert!(
+        stderr(&other).contains("robot.mass_scale was 1.0, is 1.1 now"),
+        "{}",
+        stderr(&other)
+    );
+    let beyond = stridemap(
+        dir.path(),
+        &[
+            "learn",
+            "stepping",
+            "--seed",
+            "18446744073709551615",
+            "--seeds",
+            "2",
+        ],
+    );
+    assert_eq!(beyond.status.code(), Some(2), "{}", stderr(&beyond));
+    assert!(!dir.path().join("runs").exists());
+}
+
+#[test]
+fn a_result_that_stdout_does_not_take_is_an_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let full = |arguments: &[&str]| {
+        let stdout = std::fs::OpenOptions::new()
+            .write(true)
+            .open("/dev/full")
+            .unwrap();
+        Command::new(env!("CARGO_BIN_EXE_stridemap"))
+            .current_dir(dir.path())
+            .args(arguments)
+            .stdout(stdout)
+            .output()
+            .unwrap()
+    };
+    for arguments in [
+        &["init", "a.toml"][..],
+        &["--version"],
+        &["learn", "--help"],
+    ] {
+        let output = full(arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(stderr(&output).contains("stdout"), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_run_in_a_directory_whose_name_is_no_text_works() {
+    use std::os::unix::ffi::OsStrExt;
+    let dir = tempfile::tempdir().unwrap();
+    let odd = dir.path().join(std::ffi::OsStr::from_bytes(b"b\xff"));
+    std::fs::create_dir(&odd).unwrap();
+    assert!(learn(&odd, "run", &[]).status.success());
+    let run = odd.join("run");
+    for arguments in [
+        &["evaluate", "--strides=2"][..],
+        &["learn", "--resume"],
+        &["fit"],
+        &["report"],
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_stridemap"))
+            .current_dir(dir.path())
+            .args(arguments)
+            .arg(&run)
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{arguments:?}: {}",
+            stderr(&output)
+        );
+    }
+    std::fs::write(
+        dir.path().join("evil.toml"),
+        "extends = \"stepping\"\nname = \"../../evil\"\n",
+    )
+    .unwrap();
+    let evil = stridemap(dir.path(), &["learn", "evil.toml"]);
+    assert_eq!(evil.status.code(), Some(2));
+    assert!(
+        stderr(&evil).contains("evil.toml:2: name"),
+        "{}",
+        stderr(&evil)
+    );
+}

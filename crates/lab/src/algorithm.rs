@@ -269,28 +269,43 @@ impl<'a> Algorithm<'a> {
         }
         loop {
             let (begun, improved) = (self.progress.iterations.len(), self.progress.policies.len());
-            let last = self.progress.iterations.last();
-            let evaluates =
-                self.task.algorithm.evaluation_strides > 0 || self.task.caution.is_some();
             if improved < begun && !self.task.learner.kind.uses_map() {
                 self.improve_on(None, recorder)?;
             } else if improved < begun {
                 let map = self.fit(recorder)?;
                 self.improve(&map, recorder)?;
-            } else if evaluates && last.is_some_and(|i| i.evaluation.is_none()) {
-                self.evaluate(recorder)?;
-            } else if last.is_some_and(|i| i.record.is_none()) {
-                self.record_iteration(recorder)?;
-            } else if self.is_finished() {
-                break;
-            } else {
+            } else if self.catch_up(recorder)? {
                 self.collect(recorder)?;
+            } else {
+                break;
             }
         }
         while self.progress.final_performance.is_none() {
             self.measure_final(recorder)?;
         }
         Ok(())
+    }
+
+    /// Makes what comes before the next batch: the nominal gait is measured, and the newest policy evaluated and
+    /// measured. Returns whether there is a next batch.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::learn`].
+    pub fn catch_up(&mut self, recorder: &mut dyn Recorder) -> Result<bool, LabError> {
+        if self.progress.nominal.is_none() {
+            self.measure_nominal(recorder)?;
+        }
+        let evaluates = self.task.algorithm.evaluation_strides > 0 || self.task.caution.is_some();
+        let last = self.progress.iterations.last();
+        if evaluates && last.is_some_and(|i| i.evaluation.is_none()) {
+            self.evaluate(recorder)?;
+        }
+        let last = self.progress.iterations.last();
+        if last.is_some_and(|i| i.record.is_none()) {
+            self.record_iteration(recorder)?;
+        }
+        Ok(!self.is_finished())
     }
 
     /// Step 5: whether the loop has ended, once its last iteration is complete.

@@ -1,10 +1,10 @@
 //! Built-in tasks, and tasks from files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use stridemap_mujoco::ModelSource;
 
-use crate::config::{Document, resolver};
+use crate::config::{Document, resolver, task_text};
 use crate::error::{Invalid, LabError};
 use crate::task::{LearnerKind, Task};
 
@@ -44,6 +44,8 @@ pub struct LoadedTask {
     pub task: Task,
     /// The resolved task as TOML: every value, and nothing that it `extends`.
     pub resolved: String,
+    /// The file it was read from, absolute; `None` if it is built in.
+    pub file: Option<PathBuf>,
 }
 
 impl LoadedTask {
@@ -97,29 +99,38 @@ pub fn load(name_or_path: &str, sets: &[String]) -> Result<LoadedTask, LabError>
 ///
 /// As [`load`].
 pub fn load_file(path: &Path, sets: &[String]) -> Result<LoadedTask, LabError> {
-    load(&path.display().to_string(), sets)
+    let mut others = resolver(&TASKS);
+    let mut own = Some(path);
+    // The path as it is: it need not be text.
+    let document = Document::load(&path.display().to_string(), sets, |name, relative_to| {
+        own.take()
+            .map_or_else(|| others(name, relative_to), task_text)
+    });
+    finish(document.map_err(config)?)
 }
 
 fn config(error: crate::config::ConfigError) -> LabError {
     LabError::Config(Box::new(error))
 }
 
-fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
-    let model = document.get("robot.model").and_then(|node| node.as_str());
-    let is_file = model.is_some_and(|model| model != "biped" && model != "op3");
-    if is_file {
-        document.rebase("robot.model");
-    }
+fn finish(document: Document) -> Result<LoadedTask, LabError> {
     let mut task: Task = document.deserialize().map_err(config)?;
-    // The resolved task is saved elsewhere, and must find the model from there.
-    if let (true, ModelSource::File(path)) = (is_file, &mut task.robot.model)
-        && let Ok(absolute) = std::path::absolute(&*path)
+    // From the file that names it; absolute, since the resolved task is saved elsewhere.
+    if let (ModelSource::File(path), Some(base)) =
+        (&mut task.robot.model, document.base_dir_of("robot.model"))
+        && let Ok(absolute) = std::path::absolute(base.join(&*path))
     {
         *path = absolute;
     }
     task.validate().map_err(|error| located(&document, error))?;
     let resolved = crate::config::to_toml(&task).map_err(config)?;
-    Ok(LoadedTask { task, resolved })
+    let source = document.sources().first();
+    let file = source.filter(|source| source.base_dir.is_some());
+    Ok(LoadedTask {
+        task,
+        resolved,
+        file: file.and_then(|source| std::path::absolute(&source.name).ok()),
+    })
 }
 
 /// Puts a fault that a room found in its configuration at its place in the file.

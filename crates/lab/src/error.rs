@@ -102,6 +102,34 @@ pub enum LabError {
         /// The system's answer.
         source: std::io::Error,
     },
+    /// A result could not be written where it was asked for; found before the work for it.
+    #[error("{path}: cannot be written: {source}")]
+    Unwritable {
+        /// The file or directory.
+        path: PathBuf,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// A run is being written by another process.
+    #[error("{path}: {source}")]
+    Locked {
+        /// The run directory.
+        path: PathBuf,
+        /// Who has it.
+        source: stridemap_files::LockError,
+    },
+    /// What would go on with a run is not what made it.
+    #[error(
+        "{path}: going on would mix two runs: {}; undo what was changed, or start a run of its own with \
+         `stridemap learn` and another --out",
+        differences.join("; ")
+    )]
+    Mixed {
+        /// The run directory.
+        path: PathBuf,
+        /// What differs, then and now.
+        differences: Vec<String>,
+    },
     /// A file holds something else than it should.
     #[error("{path}{}: {problem}", line.map(|l| format!(":{l}")).unwrap_or_default())]
     Content {
@@ -142,6 +170,9 @@ impl LabError {
                 | Self::NotHere
                 | Self::Section(_)
                 | Self::Mujoco(_)
+                | Self::Unwritable { .. }
+                | Self::Locked { .. }
+                | Self::Mixed { .. }
                 | Self::RunDirectory { .. }
                 | Self::Content { .. }
                 | Self::Learn(LearnError::Parameter { .. } | LearnError::Length { .. })

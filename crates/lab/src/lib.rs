@@ -80,7 +80,7 @@ pub use plant::{
 };
 pub use poses::{Pace, PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
-pub use provenance::Provenance;
+pub use provenance::{Asked, Provenance, task_differences};
 pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, PushOutcome, PushPair, push};
 pub use return_line::ReturnMapLine;
 pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};

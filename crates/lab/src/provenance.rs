@@ -1,5 +1,7 @@
 //! Where numbers come from.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::LabError;
@@ -17,6 +19,9 @@ pub struct Provenance {
     pub mujoco_version: String,
     /// SHA-256 of the robot's model as compiled, with overrides.
     pub model_hash: String,
+    /// SHA-256 of `model.mjb`, the run's copy of its model file; null where the model is part of the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_copy_sha256: Option<String>,
     /// Root of every random stream.
     pub seed: u64,
     /// Operating system, architecture and number of processors.
@@ -27,6 +32,23 @@ pub struct Provenance {
     pub start: String,
     /// When it ended; null while it runs, or if it was killed.
     pub end: Option<String>,
+    /// The task file from which the run was begun, absolute, and what was laid over it; null for a built-in task.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked: Option<Asked>,
+    /// The task with every value; null in runs of earlier versions.
+    #[serde(default)]
+    pub task: Option<serde_json::Value>,
+}
+
+/// A task file and what a command line laid over it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Asked {
+    /// The task file.
+    pub file: PathBuf,
+    /// Each `--set`.
+    pub sets: Vec<String>,
+    /// The value of `--robot`.
+    pub robot: Option<String>,
 }
 
 impl Provenance {
@@ -49,6 +71,7 @@ impl Provenance {
             git_revision: git_revision.map(Into::into),
             mujoco_version: engine.engine.clone(),
             model_hash: engine.model_sha256.clone(),
+            model_copy_sha256: None,
             seed,
             machine: format!(
                 "{} {}, {processors} processors",
@@ -58,6 +81,99 @@ impl Provenance {
             command,
             start: jiff::Timestamp::now().to_string(),
             end: None,
+            asked: None,
+            task: Some(as_json(task)?),
         })
+    }
+
+    /// What of `now` differs from this record in a way that makes numbers another run's: model, MuJoCo, program,
+    /// seed, values of the task. One sentence each.
+    #[must_use]
+    pub fn differences(&self, now: &Self) -> Vec<String> {
+        let mut found = Vec::new();
+        let mut compare = |what: &str, then: &str, now: &str| {
+            if then != now {
+                found.push(format!("{what} was {then}, is {now} now"));
+            }
+        };
+        compare("Stridemap", &self.version, &now.version);
+        compare("the simulator", &self.mujoco_version, &now.mujoco_version);
+        compare("the seed", &self.seed.to_string(), &now.seed.to_string());
+        compare(
+            "the robot's model (SHA-256 as compiled)",
+            &self.model_hash,
+            &now.model_hash,
+        );
+        if let (Some(then), Some(now)) = (&self.task, &now.task) {
+            key_differences(then, now, &mut String::new(), &mut found);
+        }
+        found
+    }
+}
+
+fn as_json(task: &Task) -> Result<serde_json::Value, LabError> {
+    serde_json::to_value(task).map_err(|error| LabError::Content {
+        path: "provenance.json".into(),
+        line: None,
+        problem: format!("the task cannot be written as JSON: {error}"),
+    })
+}
+
+/// The keys in which two tasks differ, with both values. The path of a model file is none of them: files move, and
+/// the model's hash is compared.
+///
+/// # Errors
+///
+/// [`LabError::Content`] if a task cannot be written as JSON.
+pub fn task_differences(then: &Task, now: &Task) -> Result<Vec<String>, LabError> {
+    let mut found = Vec::new();
+    let (then, now) = (as_json(then)?, as_json(now)?);
+    key_differences(&then, &now, &mut String::new(), &mut found);
+    Ok(found)
+}
+
+fn key_differences(
+    then: &serde_json::Value,
+    now: &serde_json::Value,
+    key: &mut String,
+    found: &mut Vec<String>,
+) {
+    use serde_json::Value;
+    let mut inner = |name: &str, then: Option<&Value>, now: Option<&Value>| {
+        let before = key.len();
+        if !key.is_empty() {
+            key.push('.');
+        }
+        key.push_str(name);
+        match (then, now) {
+            (Some(then), Some(now)) => key_differences(then, now, key, found),
+            (then, now) => {
+                let word = |v: Option<&Value>| v.map_or("left out".into(), Value::to_string);
+                found.push(format!("{key} was {}, is {} now", word(then), word(now)));
+            }
+        }
+        key.truncate(before);
+    };
+    match (then, now) {
+        (Value::Object(a), Value::Object(b)) => {
+            let names: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+            for name in names {
+                inner(name, a.get(name), b.get(name));
+            }
+        }
+        (Value::Array(a), Value::Array(b)) if a.iter().chain(b).any(Value::is_object) => {
+            for i in 0..a.len().max(b.len()) {
+                inner(&i.to_string(), a.get(i), b.get(i));
+            }
+        }
+        (then, now) => {
+            let is_file = |v: &Value| v.as_str().is_some_and(|m| m != "biped" && m != "op3");
+            let moved = key == "robot.model" && is_file(then) && is_file(now);
+            // Where a robot is reached is not what it is.
+            let reached = matches!(key.as_str(), "link.domain" | "link.interface");
+            if then != now && !moved && !reached {
+                found.push(format!("{key} was {then}, is {now} now"));
+            }
+        }
     }
 }

@@ -288,6 +288,22 @@ impl Task {
         let invalid =
             |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
         crate::numbers::check(self)?;
+        // It names directories.
+        if self.name.is_empty()
+            || self.name.len() > 100
+            || self.name.starts_with('.')
+            || self
+                .name
+                .contains(|c: char| c == '/' || c == '\\' || c.is_control())
+        {
+            return invalid(
+                "name".into(),
+                format!(
+                    "is {:?}; must be a plain name of at most 100 bytes: not a path, no point in front",
+                    self.name
+                ),
+            );
+        }
         self.robot.validate()?;
         self.gait.validate()?;
         self.section.validate()?;

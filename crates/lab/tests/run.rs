@@ -70,14 +70,7 @@ fn never() -> Arc<AtomicBool> {
 
 fn create(path: &Path, loaded: &LoadedTask, seed: u64) -> Result<RunDirectory, LabError> {
     let record = Provenance::begin(&loaded.task, seed, None, "test".into()).unwrap();
-    RunDirectory::create(
-        path,
-        &loaded.task,
-        &loaded.resolved,
-        &record,
-        never(),
-        Box::new(NoWatcher),
-    )
+    RunDirectory::create(path, &loaded.task, &record, never(), Box::new(NoWatcher))
 }
 
 fn learn(path: &Path, loaded: &LoadedTask, seed: u64) {
@@ -180,7 +173,7 @@ fn a_run_that_was_cut_anywhere_ends_like_an_unbroken_one() {
 
         let open = FinishedRun::open(&path, &[]).unwrap();
         let (mut directory, progress) =
-            RunDirectory::resume(&path, &open.task, 5, never(), Box::new(NoWatcher)).unwrap();
+            RunDirectory::resume(&open, never(), Box::new(NoWatcher)).unwrap();
         let mut algorithm = Algorithm::resume(&open.task, 5, progress).unwrap();
         algorithm.learn(&mut directory).unwrap();
         directory.write_summary(&algorithm.progress).unwrap();
@@ -193,12 +186,15 @@ fn a_directory_that_holds_something_is_refused_and_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let loaded = short();
     let run = dir.path().join("run");
-    drop(create(&run, &loaded, 1).unwrap());
+    learn(&run, &loaded, 1);
     let before = contents(&run);
-    let error = create(&run, &loaded, 1).err().unwrap();
+    let edited = builtin::load("stepping", &["robot.mass_scale=1.3".into()]).unwrap();
+    let error = create(&run, &edited, 1).err().unwrap();
+    let text = error.to_string();
+    assert!(error.is_request() && text.contains("--resume"), "{text}");
     assert!(
-        error.is_request() && error.to_string().contains("--resume"),
-        "{error}"
+        text.contains("robot.mass_scale was 1.0, is 1.3 now"),
+        "{text}"
     );
     assert!(contents(&run) == before);
 
@@ -214,6 +210,132 @@ fn a_directory_that_holds_something_is_refused_and_left_alone() {
             .to_string()
             .contains("holds no run")
     );
+}
+
+/// One writer; the lock is the system's, so that it ends with its process.
+#[test]
+fn a_live_run_is_not_written_by_a_second() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run");
+    let first = create(&run, &short(), 1).unwrap();
+    let open = FinishedRun::open(&run, &[]).unwrap();
+    let pid = format!("process {}", std::process::id());
+    let second = create(&run, &short(), 1).err().unwrap();
+    let third = RunDirectory::resume(&open, never(), Box::new(NoWatcher))
+        .err()
+        .unwrap();
+    for error in [second, third] {
+        assert!(
+            error.is_request() && error.to_string().contains(&pid),
+            "{error}"
+        );
+    }
+    drop(first);
+    assert!(RunDirectory::resume(&open, never(), Box::new(NoWatcher)).is_ok());
+}
+
+/// Whatever a killed process left before the first stride, the same command starts; events stay.
+#[test]
+fn a_beginning_without_a_stride_is_begun_anew() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run");
+    std::fs::create_dir_all(run.join("map")).unwrap();
+    std::fs::write(run.join("config.toml.tmp"), "exten").unwrap();
+    std::fs::create_dir_all(dir.path().join(".run-2.new/policy")).unwrap();
+    for path in [run.clone(), dir.path().join("run-2")] {
+        let mut directory = create(&path, &short(), 1).unwrap();
+        directory.event("asked", serde_json::json!({})).unwrap();
+        drop(directory);
+        let edited = builtin::load(
+            "stepping",
+            &["state=[\"psi_roll_deg\", \"psi_pitch_deg\"]".into()],
+        )
+        .unwrap();
+        drop(create(&path, &edited, 1).unwrap());
+        assert_eq!(FinishedRun::open(&path, &[]).unwrap().task, edited.task);
+        let events = std::fs::read_to_string(path.join("events.ndjson")).unwrap();
+        assert!(events.contains("asked"), "{events}");
+    }
+    assert!(!dir.path().join(".run-2.new").exists());
+}
+
+/// Model, simulator, program, seed and task: what would mix two runs is refused by name, and nothing is written.
+#[test]
+fn a_run_does_not_go_on_by_other_means() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = dir.path().join("e.xml");
+    std::fs::write(&model, stridemap_mujoco::BIPED_XML).unwrap();
+    let task = dir.path().join("e.toml");
+    let sets = [
+        "collect.strides=[2]",
+        "record.strides=3",
+        "record.discard=1",
+        "record.pose_seconds=0",
+    ];
+    std::fs::write(
+        &task,
+        "extends = \"stepping\"\nname = \"e\"\nrobot.model = \"e.xml\"\n",
+    )
+    .unwrap();
+    let loaded = builtin::load(task.to_str().unwrap(), &sets.map(String::from)).unwrap();
+    let run = dir.path().join("run");
+    let mut directory = create(&run, &loaded, 5).unwrap();
+    let mut algorithm = Algorithm::new(&loaded.task, 5).unwrap();
+    algorithm.collect(&mut directory).unwrap();
+    drop(directory);
+    let refused = |expected: &str| {
+        let open = FinishedRun::open(&run, &[]).unwrap();
+        let error = RunDirectory::resume(&open, never(), Box::new(NoWatcher))
+            .err()
+            .unwrap();
+        assert!(
+            error.is_request() && error.to_string().contains(expected),
+            "{expected}: {error}"
+        );
+    };
+    let edit = |file: &str, from: &str, to: &str| {
+        let path = run.join(file);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{file}: {from}");
+        std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    };
+    for (file, from, to, expected) in [
+        (
+            "config.toml",
+            "mass_scale = 1.0",
+            "mass_scale = 1.3",
+            "robot.mass_scale was 1.0, is 1.3 now",
+        ),
+        (
+            "provenance.json",
+            "\"seed\": 5",
+            "\"seed\": 6",
+            "the seed was 6, is 5 now",
+        ),
+        (
+            "provenance.json",
+            "MuJoCo 3",
+            "MuJoCo 2",
+            "the simulator was MuJoCo 2",
+        ),
+    ] {
+        edit(file, from, to);
+        refused(expected);
+        edit(file, to, from);
+    }
+    let kp = stridemap_mujoco::BIPED_XML.replace("kp=\"3000\"", "kp=\"1500\"");
+    std::fs::write(&model, kp).unwrap();
+    refused("the robot's model");
+    // Moved away without its model: the run has a copy, which is the same robot to the bit.
+    std::fs::remove_file(&model).unwrap();
+    let moved = dir.path().join("elsewhere");
+    std::fs::rename(&run, &moved).unwrap();
+    let open = FinishedRun::open(&moved, &[]).unwrap();
+    assert!(open.differences().unwrap().is_empty());
+    assert!(RunDirectory::resume(&open, never(), Box::new(NoWatcher)).is_ok());
+    std::fs::write(moved.join("model.mjb"), "damaged").unwrap();
+    let error = FinishedRun::open(&moved, &[]).err().unwrap().to_string();
+    assert!(error.contains("model.mjb: is damaged"), "{error}");
 }
 
 #[test]

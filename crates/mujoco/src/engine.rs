@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use crate::config::{ModelSource, MujocoConfig};
 use crate::error::MujocoError;
+use crate::store::load;
 
 /// The built-in biped, as MJCF text.
 pub const BIPED_XML: &str = include_str!("../models/biped.xml");
@@ -89,14 +90,28 @@ pub(crate) fn compile(source: &ModelSource) -> Result<MjModel, MujocoError> {
         ModelSource::File(path) => {
             // MuJoCo's own message does not tell a missing file from a bad one.
             std::fs::metadata(path).map_err(|e| error(e.to_string()))?;
-            MjModel::from_xml(path)
+            if path.extension().is_some_and(|kind| kind == "mjb") {
+                MjModel::from_buffer(&std::fs::read(path).map_err(|e| error(e.to_string()))?)
+            } else {
+                MjModel::from_xml(path)
+            }
         }
     }
     .map_err(|e| error(e.to_string()))
 }
 
-/// SHA-256 of the compiled model: everything that the simulation reads, overrides and meshes included.
-pub(crate) fn hash(model: &MjModel) -> Result<String, MujocoError> {
+/// A model as MuJoCo compiles it, meshes included and without overrides: as a file `*.mjb` it stands for the
+/// original wherever a model file is named, in this version of MuJoCo.
+///
+/// # Errors
+///
+/// [`MujocoError::Load`].
+pub fn compiled(source: &ModelSource) -> Result<Vec<u8>, MujocoError> {
+    let model = load(source)?;
+    bytes(&model)
+}
+
+fn bytes(model: &MjModel) -> Result<Vec<u8>, MujocoError> {
     let mut bytes = vec![0; model.size()];
     model
         .save_to_buffer(&mut bytes)
@@ -104,10 +119,19 @@ pub(crate) fn hash(model: &MjModel) -> Result<String, MujocoError> {
             model: "compiled model".into(),
             reason: e.to_string(),
         })?;
-    Ok(Sha256::digest(&bytes)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+    Ok(bytes)
+}
+
+/// SHA-256 of the compiled model: everything that the simulation reads, overrides and meshes included.
+pub(crate) fn hash(model: &MjModel) -> Result<String, MujocoError> {
+    Ok(sha256(&bytes(model)?))
+}
+
+/// SHA-256 of bytes, in hex.
+#[must_use]
+pub fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// What [`apply`] must know of where things are in the model.

@@ -26,7 +26,7 @@ mod store;
 mod world;
 
 pub use config::{LegMap, ModelSource, MujocoConfig};
-pub use engine::{BIPED_XML, OP3_XML, mujoco_version};
+pub use engine::{BIPED_XML, OP3_XML, compiled, mujoco_version, sha256};
 pub use error::MujocoError;
 pub use hardware::HardwareConfig;
 pub use machine::{SimulatedMachine, estimator, joints_at_rest, kinematic_model};

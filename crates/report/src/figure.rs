@@ -1,7 +1,6 @@
 //! A finished figure and its three files.
 
 use std::fs;
-use std::io::Write as _;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -105,22 +104,14 @@ fn fonts() -> Arc<usvg::fontdb::Database> {
     }))
 }
 
-/// Writes a file aside, flushes it to disk and renames it into place.
+/// Writes a whole file, as [`stridemap_files::write_whole`] does.
 ///
 /// # Errors
 ///
 /// [`ReportError::Io`] naming the file.
 pub fn write_aside(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fail = |source| ReportError::Io {
+    stridemap_files::write_whole(path, bytes).map_err(|source| ReportError::Io {
         path: path.to_owned(),
         source,
-    };
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let aside = path.with_file_name(name);
-    let mut file = fs::File::create(&aside).map_err(fail)?;
-    file.write_all(bytes).map_err(fail)?;
-    file.sync_all().map_err(fail)?;
-    drop(file);
-    fs::rename(&aside, path).map_err(fail)
+    })
 }

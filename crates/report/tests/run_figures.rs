@@ -132,6 +132,22 @@ fn a_killed_run_says_what_is_missing() {
 }
 
 #[test]
+fn a_byte_that_is_no_text_costs_one_line() {
+    let (_dir, run) = run(Faults::default());
+    let path = run.dir.join("record.csv");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let second = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
+    bytes[second] = 0xff;
+    std::fs::write(&path, bytes).unwrap();
+    let again = Run::read(&run.dir).unwrap();
+    assert_eq!(again.record, run.record[1..]);
+    assert_eq!(
+        again.problems,
+        ["record.csv, line 2: is no text and is left out"]
+    );
+}
+
+#[test]
 fn one_stride_is_enough_for_a_picture() {
     let (_dir, run) = run(Faults {
         one_stride: true,

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 use stridemap_lab::builtin::LoadedTask;
-use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files};
+use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files, lock};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
     ActionSource, Batch, LabError, Performance, Plant, PoseRecorder, PushConfig, PushOutcome,
@@ -17,7 +17,7 @@ use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use super::beside::Doing;
 use super::linked::{beside_run, plant};
-use super::on_robot;
+use super::{on_robot, say_differences};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -35,9 +35,11 @@ fn task_and_policy(
     common: &Common,
 ) -> Result<(Task, SavedPolicy, Option<FallsIn>), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
+    say_differences(path);
     let loaded = LoadedTask {
         task: run.task.clone(),
         resolved: String::new(),
+        file: None,
     };
     let task = on_robot(loaded, common)?.task;
     let measured = if nominal {
@@ -160,6 +162,9 @@ pub fn run(
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
+    if let Some(out) = out {
+        files::check_file(out)?;
+    }
     let (task, policy, falls) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
@@ -253,6 +258,7 @@ pub fn run(
 /// Says what a walking run's data and map are worth: held-out residuals, and the flip.
 pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
+    say_differences(path);
     let proofs = run.progress.proofs();
     if proofs.is_empty() {
         return Err(Failure::request(
@@ -338,13 +344,17 @@ pub fn push(
         return Err(Failure::request("--strides must be at least 1"));
     }
     let (task, policy, falls) = task_and_policy(path, nominal, common)?;
+    // Pushes of another robot than the run's own are not part of the run.
+    let own = common.sets.is_empty() && common.robot.is_none();
+    let into_run = (out.is_none() && own).then_some(path);
+    let _writing = into_run.map(lock).transpose()?;
+    if let Some(dir) = out {
+        files::check_dir(dir)?;
+    }
     let doing = Doing::apply(format!("be pushed in {} strides", config.strides), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let config = of(plant.robot().description().mass_kg);
-    // Pushes of another robot than the run's own are not part of the run.
-    let own = common.sets.is_empty() && common.robot.is_none();
-    let into_run = own.then_some(path);
     let film = film(&mut plant, &task);
     let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;
     plant.observe(None);

@@ -103,11 +103,8 @@ pub fn run_arms(
     seeds: u64,
     common: &Common,
 ) -> Result<(Comparison, Vec<CompareSeed>), Failure> {
-    if seeds == 0 {
-        return Err(Failure::request("--seeds must be at least 1"));
-    }
     let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
-    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let list = parallel::seeds(common.seed, seeds)?;
     let progress = SeedProgress::new(list.len());
     let arms = parallel::over(&list, common.threads, |&seed| {
         let result = compare_seed(&task, seed);
@@ -207,11 +204,14 @@ pub fn compare(
         Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
     };
     let task = task_of(common.seed)?;
+    if let Some(dir) = out {
+        files::check_dir(dir)?;
+    }
     // On a robot that is known by its sensors alone there is no "full model" to learn on.
     if (without_map || task.robot.estimated) && can_steer(&task) {
         return controls(name, seeds, out, common);
     }
-    if task.caution.is_some() && seeds > 0 {
+    if task.caution.is_some() {
         return super::learners::compare(&task_of, seeds, out, common);
     }
     let (comparison, arms) = run_arms(name, seeds, common)?;
@@ -322,10 +322,7 @@ struct Controls {
 
 /// The learner beside the controls that need no map.
 fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
-    if seeds == 0 {
-        return Err(Failure::request("--seeds must be at least 1"));
-    }
-    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let list = parallel::seeds(common.seed, seeds)?;
     let progress = SeedProgress::new(list.len());
     let task_of = |seed| -> Result<_, Failure> {
         let common = Common {

@@ -41,14 +41,17 @@ struct FromLog {
 
 /// Makes strides from a robot's log.
 pub fn collect_from(
-    task: &str,
+    task: &Path,
     log: &Path,
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
-    let task = builtin::load(task, &common.sets)?
+    let task = builtin::load(super::verbs::text(task)?, &common.sets)?
         .on(common.robot.map(Into::into), common.seed)?
         .task;
+    if let Some(out) = out {
+        files::check_file(out)?;
+    }
     let table = TransitionTable::new(&task.process_spec()?);
     let (transitions, found) = strides_of_log(&task, log)?;
     output::note(summary(&found));

@@ -6,12 +6,14 @@ use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
 use serde::Serialize;
-use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Summary, Watcher};
-use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin};
+use stridemap_lab::run::{
+    FinishedRun, NoWatcher, RunDirectory, Summary, Watcher, files, has_begun, lock, refuse_occupied,
+};
+use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin, task_differences};
 
 use super::beside::Doing;
 use super::linked::algorithm;
-use super::{in_network, on_robot, provenance, run_path};
+use super::{in_network, on_robot, provenance, run_path, say_edited};
 use crate::args::{Common, LearnerName, RobotName};
 use crate::failure::Failure;
 use crate::output;
@@ -49,7 +51,6 @@ pub fn learn(
             let result = start(name, &loaded, &path, common, &stop_flag(), watcher);
             finished(&loaded.task, result, &path, common.json)
         }
-        Some(0) => Err(Failure::request("--seeds must be at least 1")),
         Some(count) => over_seeds(name, &loaded, out, count, common),
     }
 }
@@ -64,15 +65,9 @@ pub fn start(
     watcher: Box<dyn Watcher>,
 ) -> Result<Summary, Failure> {
     let loaded = &on_robot(loaded.clone(), common)?;
-    let record = provenance("learn", name, &loaded.task, common)?;
-    let mut directory = RunDirectory::create(
-        path,
-        &loaded.task,
-        &loaded.resolved,
-        &record,
-        Arc::clone(stop),
-        watcher,
-    )?;
+    let record = provenance("learn", name, loaded, common)?;
+    let mut directory =
+        RunDirectory::create(path, &loaded.task, &record, Arc::clone(stop), watcher)?;
     let mut algorithm = algorithm(
         &loaded.task,
         common.seed,
@@ -113,6 +108,7 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
     }
     let mut run = FinishedRun::open(path, &[])?;
     in_network(&mut run.task, common)?;
+    say_edited(&run);
     let watcher = Box::new(RunProgress::new(&run.task));
     let result = go_on(&run, common, &stop_flag(), watcher);
     finished(&run.task, result, path, common.json)
@@ -144,23 +140,66 @@ pub fn go_on(
     stop: &Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
 ) -> Result<Summary, Failure> {
-    let FinishedRun {
-        path,
-        task,
-        provenance,
-        ..
-    } = run;
-    let (mut directory, progress) =
-        RunDirectory::resume(path, task, provenance.seed, Arc::clone(stop), watcher)?;
+    let (mut directory, progress) = RunDirectory::resume(run, Arc::clone(stop), watcher)?;
+    if run.is_complete() {
+        directory.mend()?;
+        return Ok(files::read_json(&run.path.join("summary.json"))?);
+    }
     let mut algorithm = algorithm(
-        task,
-        provenance.seed,
+        &run.task,
+        run.provenance.seed,
         progress,
         common,
         &Doing::Learn,
-        Some(path),
+        Some(&run.path),
     )?;
+    directory.goes_on(&algorithm.progress)?;
     finish(&mut algorithm, &mut directory)
+}
+
+/// A run that holds strides, if it is one of this task and seed by this program and model.
+fn begun(path: &Path, task: &Task, seed: u64) -> Result<Option<FinishedRun>, Failure> {
+    if !has_begun(path)? {
+        refuse_occupied(path, task)?;
+        return Ok(None);
+    }
+    let run = FinishedRun::open(path, &[])?;
+    let mut differences = task_differences(&run.task, task)?;
+    if run.provenance.seed != seed {
+        differences.push(format!(
+            "the seed was {}, is {seed} now",
+            run.provenance.seed
+        ));
+    }
+    if !differences.is_empty() {
+        let path = path.into();
+        return Err(LabError::Mixed { path, differences }.into());
+    }
+    run.refuse_others()?;
+    Ok(Some(run))
+}
+
+/// The run of a task and a seed: made, or finished where it was cut off, or taken where it is whole; and which.
+pub fn start_or_go_on(
+    name: &str,
+    loaded: &builtin::LoadedTask,
+    path: &Path,
+    common: &Common,
+    stop: &Arc<AtomicBool>,
+) -> Result<(Summary, &'static str), Failure> {
+    let asked = on_robot(loaded.clone(), common)?.task;
+    let watcher = Box::new(NoWatcher);
+    match begun(path, &asked, common.seed)? {
+        None => Ok((start(name, loaded, path, common, stop, watcher)?, "made")),
+        Some(run) => {
+            let how = if run.is_complete() {
+                "taken"
+            } else {
+                "finished"
+            };
+            Ok((go_on(&run, common, stop, watcher)?, how))
+        }
+    }
 }
 
 /// Shows what a run achieved.
@@ -262,6 +301,11 @@ pub fn median(values: &[f64]) -> f64 {
     }
 }
 
+/// A directory of a batch over seeds.
+fn path_of_all(out: Option<&Path>, name: String) -> PathBuf {
+    out.unwrap_or(Path::new("runs")).join(name)
+}
+
 fn over_seeds(
     name: &str,
     loaded: &builtin::LoadedTask,
@@ -270,22 +314,24 @@ fn over_seeds(
     common: &Common,
 ) -> Result<(), Failure> {
     let task = &loaded.task;
-    let seeds: Vec<u64> = (common.seed..common.seed + count).collect();
-    let path_of = |seed: u64| -> PathBuf {
-        let own = format!("{}-{seed}", task.name);
-        out.map_or_else(|| PathBuf::from("runs").join(&own), |dir| dir.join(&own))
-    };
-    // All or nothing: a directory that is taken is found before the first stride.
+    let seeds = parallel::seeds(common.seed, count)?;
+    let path_of = |seed: u64| -> PathBuf { path_of_all(out, format!("{}-{seed}", task.name)) };
+    let last = seeds.last().copied().unwrap_or(common.seed);
+    let dir = path_of_all(
+        out,
+        format!("{}-seeds-{}-to-{last}", task.name, common.seed),
+    );
+    // All or nothing: a directory that is taken is found before the first stride. Runs of this very command
+    // that were cut off go on.
+    files::check_dir(&dir)?;
     for &seed in &seeds {
-        let path = path_of(seed);
-        if path.join("config.toml").exists() {
-            return Err(Failure::Request(
-                LabError::RunDirectory {
-                    path,
-                    problem: "holds a run already; choose another directory with --out".into(),
-                }
-                .into(),
-            ));
+        let common = Common {
+            seed,
+            ..common.clone()
+        };
+        let asked = on_robot(loaded.clone(), &common)?;
+        if let Some(run) = begun(&path_of(seed), &asked.task, seed)? {
+            drop(lock(&run.path)?);
         }
     }
     let stop = stop_flag();
@@ -296,8 +342,8 @@ fn over_seeds(
             ..common.clone()
         };
         let path = path_of(seed);
-        let result = start(name, loaded, &path, &common, &stop, Box::new(NoWatcher))
-            .and_then(|summary| super::report::draw(&path).map(|_| summary));
+        let result = start_or_go_on(name, loaded, &path, &common, &stop)
+            .and_then(|(summary, _)| super::report::draw(&path).map(|_| summary));
         match &result {
             Ok(s) => progress.done(&format!(
                 "seed {seed}: {}",
@@ -315,9 +361,6 @@ fn over_seeds(
         .collect::<Result<Vec<Summary>, Failure>>()?;
     let summary = sum_up(task, runs);
     let paths: Vec<PathBuf> = seeds.iter().map(|&seed| path_of(seed)).collect();
-    let last = common.seed + count - 1;
-    let own = format!("{}-seeds-{}-to-{last}", task.name, common.seed);
-    let dir = out.map_or_else(|| PathBuf::from("runs").join(&own), |dir| dir.join(&own));
     let page = super::report::draw_seeds(&paths, &dir)?;
     if common.json {
         return output::json(&summary);

@@ -48,7 +48,8 @@ pub fn compare(
     if task.learner.integral.is_some() {
         kinds.push(LearnerKind::Integral);
     }
-    let jobs: Vec<(LearnerKind, u64)> = (common.seed..common.seed + seeds)
+    let jobs: Vec<(LearnerKind, u64)> = parallel::seeds(common.seed, seeds)?
+        .into_iter()
         .flat_map(|seed| kinds.iter().map(move |k| (*k, seed)))
         .collect();
     let progress = SeedProgress::new(jobs.len());

@@ -18,11 +18,15 @@ pub mod verbs;
 
 use std::path::{Path, PathBuf};
 
-use stridemap_lab::builtin::LoadedTask;
-use stridemap_lab::{LabError, Provenance, Task, config};
+use stridemap_lab::builtin::{self, LoadedTask};
+use stridemap_lab::run::FinishedRun;
+use stridemap_lab::{Asked, LabError, Provenance, RobotChoice, Task, config, task_differences};
 
-use crate::args::Common;
+use clap::ValueEnum;
+
+use crate::args::{Common, RobotName};
 use crate::failure::Failure;
+use crate::output;
 
 /// The directory of a run: as asked for, or `runs/TASK-SEED`.
 fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
@@ -58,6 +62,19 @@ pub fn in_network(task: &mut Task, common: &Common) -> Result<(), Failure> {
     }
 }
 
+/// Tells a person that a run was made by another robot, program or task than what is about to use it. Only for what
+/// does not go on with the run: that is refused.
+fn say_differences(path: &Path) {
+    // As it stands, without overrides: those are asked for. What cannot be built is told where it is used.
+    let found = FinishedRun::open(path, &[]).and_then(|run| run.differences());
+    for difference in found.unwrap_or_default() {
+        output::note(format!(
+            "{}: {difference}: what follows is not what this run was made of",
+            path.display()
+        ));
+    }
+}
+
 /// The command line that repeats a run, for its record: without the place where it was put.
 fn command_line(verb: &str, task: &str, common: &Common) -> String {
     let mut words = vec!["stridemap".to_owned(), verb.into(), task.into()];
@@ -72,12 +89,47 @@ fn command_line(verb: &str, task: &str, common: &Common) -> String {
     words.join(" ")
 }
 
-fn provenance(verb: &str, name: &str, task: &Task, common: &Common) -> Result<Provenance, Failure> {
+fn provenance(
+    verb: &str,
+    name: &str,
+    loaded: &LoadedTask,
+    common: &Common,
+) -> Result<Provenance, Failure> {
     let command = command_line(verb, name, common);
-    Ok(Provenance::begin(
-        task,
-        common.seed,
-        crate::GIT_REVISION,
-        command,
-    )?)
+    let (task, seed) = (&loaded.task, common.seed);
+    Ok(Provenance {
+        asked: loaded.file.clone().map(|file| Asked {
+            file,
+            sets: common.sets.clone(),
+            robot: common
+                .robot
+                .map(|robot| RobotChoice::from(robot).name().into()),
+        }),
+        ..Provenance::begin(task, seed, crate::GIT_REVISION, command)?
+    })
+}
+
+/// Says in which keys the task file of a run was edited since the run began. The run goes on with its own task.
+fn say_edited(run: &FinishedRun) {
+    let Some(asked) = &run.provenance.asked else {
+        return;
+    };
+    let robot = asked
+        .robot
+        .as_ref()
+        .and_then(|name| RobotName::from_str(name, false).ok());
+    let edited = builtin::load_file(&asked.file, &asked.sets)
+        .and_then(|loaded| loaded.on(robot.map(Into::into), run.provenance.seed))
+        .and_then(|mut loaded| {
+            // From the command line as well.
+            loaded.task.learner.kind = run.task.learner.kind;
+            task_differences(&run.task, &loaded.task)
+        });
+    // A file that is gone or broken says nothing about the run.
+    for difference in edited.unwrap_or_default() {
+        output::note(format!(
+            "{} was edited since this run began ({difference}); the run goes on with its own task",
+            asked.file.display()
+        ));
+    }
 }

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
-use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files};
+use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files, lock};
 use stridemap_lab::{Algorithm, Performance, Phase, Progress, Task, Transition, builtin, fit_map};
 use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
 use super::beside::Doing;
-use super::{in_network, linked, on_robot, provenance, run_path};
+use super::{in_network, linked, on_robot, provenance, run_path, say_differences};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -18,46 +18,24 @@ use crate::progress::{RunProgress, duration};
 use crate::stop::stop_flag;
 
 /// Makes the next batch of strides: starts a run of a task, or goes on with a run.
-pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
-    let run = Path::new(task_or_run);
-    if run.join("config.toml").exists() {
+pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    if task_or_run.join("config.toml").exists() {
         if out.is_some() || !common.sets.is_empty() {
             return Err(Failure::request(
                 "a run goes on in its own directory with its own task",
             ));
         }
-        let FinishedRun {
-            mut task,
-            provenance,
-            ..
-        } = FinishedRun::open(run, &[])?;
-        in_network(&mut task, common)?;
-        let watcher = Box::new(RunProgress::new(&task));
-        let (mut directory, progress) =
-            RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-        let mut algorithm = linked::algorithm(
-            &task,
-            provenance.seed,
-            progress,
-            common,
-            &Doing::Collect,
-            Some(run),
-        )?;
-        if algorithm.progress.policies.len() < algorithm.progress.iterations.len() {
-            return Err(Failure::request(format!(
-                "{}: this batch is collected; `stridemap improve` the policy in its map first",
-                run.display()
-            )));
-        }
-        algorithm.collect(&mut directory)?;
-        return show_batch(&task, &algorithm, &mut directory, common.json);
+        let mut run = FinishedRun::open(task_or_run, &[])?;
+        in_network(&mut run.task, common)?;
+        return next_batch(&run, common);
     }
-    let loaded = on_robot(builtin::load(task_or_run, &common.sets)?, common)?;
-    let path = run_path(out, &loaded.task, common.seed);
-    let record = provenance("collect", task_or_run, &loaded.task, common)?;
-    let watcher = Box::new(RunProgress::new(&loaded.task));
-    let (task, resolved) = (&loaded.task, &loaded.resolved);
-    let mut directory = RunDirectory::create(&path, task, resolved, &record, stop_flag(), watcher)?;
+    let name = text(task_or_run)?;
+    let loaded = on_robot(builtin::load(name, &common.sets)?, common)?;
+    let task = &loaded.task;
+    let path = run_path(out, task, common.seed);
+    let record = provenance("collect", name, &loaded, common)?;
+    let watcher = Box::new(RunProgress::new(task));
+    let mut directory = RunDirectory::create(&path, task, &record, stop_flag(), watcher)?;
     let mut algorithm = linked::algorithm(
         task,
         common.seed,
@@ -68,6 +46,48 @@ pub fn collect(task_or_run: &str, out: Option<&Path>, common: &Common) -> Result
     )?;
     algorithm.collect(&mut directory)?;
     show_batch(task, &algorithm, &mut directory, common.json)
+}
+
+/// The name of a task; a file of a task is named by text.
+pub fn text(name: &Path) -> Result<&str, Failure> {
+    name.to_str().ok_or_else(|| {
+        Failure::request(format!(
+            "{}: holds no run, and a task is named by text (UTF-8)",
+            name.display()
+        ))
+    })
+}
+
+/// Makes the next batch of a run. A run that `learn` began is measured and evaluated between its batches, as `learn`
+/// does it, so that the same run comes of it.
+fn next_batch(run: &FinishedRun, common: &Common) -> Result<(), Failure> {
+    let refuse = |why: &str| Err(Failure::request(format!("{}: {why}", run.path.display())));
+    let watcher = Box::new(RunProgress::new(&run.task));
+    let (mut directory, progress) = RunDirectory::resume(run, stop_flag(), watcher)?;
+    if progress.policies.len() < progress.iterations.len() {
+        return refuse("this batch is collected; `stridemap improve` the policy in its map first");
+    }
+    let learns = run.provenance.command.starts_with("stridemap learn ");
+    if learns && progress.final_performance.is_some() {
+        return refuse("the run is finished, and its final policy measured; start another");
+    }
+    let mut algorithm = linked::algorithm(
+        &run.task,
+        run.provenance.seed,
+        progress,
+        common,
+        &Doing::Collect,
+        Some(&run.path),
+    )?;
+    directory.goes_on(&algorithm.progress)?;
+    if learns && !algorithm.catch_up(&mut directory)? {
+        return Err(Failure::working(format!(
+            "{0}: every batch is made; `stridemap learn --resume {0}` measures the final policy",
+            run.path.display()
+        )));
+    }
+    algorithm.collect(&mut directory)?;
+    show_batch(&run.task, &algorithm, &mut directory, common.json)
 }
 
 #[derive(Serialize)]
@@ -116,15 +136,27 @@ fn show_batch(
 
 /// Fits the map to the strides of a run or of a CSV file.
 pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    if let Some(out) = out {
+        files::check_file(out)?;
+    }
+    let mut _writing = None;
     let (map, iteration, default_out) = if source.is_dir() {
         let run = FinishedRun::open(source, &common.sets)?;
+        // The map of another task is not part of the run.
+        let into_run = out.is_none() && common.sets.is_empty();
+        if into_run {
+            _writing = Some(lock(source)?);
+            run.refuse_others()?;
+        } else {
+            say_differences(source);
+        }
         let iteration = run.progress.iterations.len();
         let seed = run.provenance.seed;
         let map = fit_said(&run.task, &run.progress.transitions, seed, iteration)?;
         (
             map,
             iteration,
-            Some(source.join(format!("map/{iteration}.json"))),
+            into_run.then(|| source.join(format!("map/{iteration}.json"))),
         )
     } else {
         let task = builtin::load(task, &common.sets)?.task;
@@ -203,15 +235,12 @@ fn show_map(map: &LearnedMap, saved: &SavedMap, json: bool) -> Result<(), Failur
 }
 
 /// Improves the policy of a run in the map of its strides.
-pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
-    let FinishedRun {
-        task, provenance, ..
-    } = FinishedRun::open(run, &[])?;
-    let watcher = Box::new(RunProgress::new(&task));
-    let (mut directory, progress) =
-        RunDirectory::resume(run, &task, provenance.seed, stop_flag(), watcher)?;
-    let simulated = linked::here(&task);
-    let mut algorithm = Algorithm::resume(&simulated, provenance.seed, progress)?;
+pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
+    let run = FinishedRun::open(path, &[])?;
+    let watcher = Box::new(RunProgress::new(&run.task));
+    let (mut directory, progress) = RunDirectory::resume(&run, stop_flag(), watcher)?;
+    let simulated = linked::here(&run.task);
+    let mut algorithm = Algorithm::resume(&simulated, run.provenance.seed, progress)?;
     let (policies, iterations) = (
         algorithm.progress.policies.len(),
         algorithm.progress.iterations.len(),
@@ -219,9 +248,10 @@ pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
     if policies == iterations {
         return Err(Failure::request(format!(
             "{}: nothing new to learn from; `stridemap collect` a batch first",
-            run.display()
+            path.display()
         )));
     }
+    directory.goes_on(&algorithm.progress)?;
     let map = algorithm.fit(&mut directory)?;
     algorithm.improve(&map, &mut directory)?;
     let summary = directory.write_summary(&algorithm.progress)?;
@@ -235,7 +265,7 @@ pub fn improve(run: &Path, json: bool) -> Result<(), Failure> {
     output::line(format!(
         "{}: policy {iterations} improved in a map of {} strides\n  next: stridemap evaluate {0}, or \
          stridemap collect {0}",
-        run.display(),
+        path.display(),
         map.samples().len()
     ));
     Ok(())

@@ -73,26 +73,32 @@ pub fn resolver<'t>(
             });
         }
         let file = relative_to.unwrap_or(Path::new("")).join(name);
-        match std::fs::read_to_string(&file) {
-            Ok(text) => Ok(TaskText {
-                source_name: file.display().to_string(),
-                text,
-                base_dir: Some(file.parent().unwrap_or(Path::new("")).to_owned()),
-            }),
-            Err(error)
-                if error.kind() == std::io::ErrorKind::NotFound
-                    && !name.contains(['/', '\\', '.']) =>
-            {
-                let built_in = built_in.iter().map(|(name, _)| (*name).to_owned());
-                Err(ResolveError::Unknown {
-                    built_in: built_in.collect(),
-                })
-            }
-            Err(error) => Err(ResolveError::Unreadable {
-                name: file.display().to_string(),
-                reason: error.to_string(),
-            }),
+        if !file.exists() && !name.contains(['/', '\\', '.']) {
+            let built_in = built_in.iter().map(|(name, _)| (*name).to_owned());
+            return Err(ResolveError::Unknown {
+                built_in: built_in.collect(),
+            });
         }
+        task_text(&file)
+    }
+}
+
+/// The text of a task file, whose path need not be text itself.
+///
+/// # Errors
+///
+/// [`ResolveError::Unreadable`].
+pub fn task_text(file: &Path) -> Result<TaskText, ResolveError> {
+    match std::fs::read_to_string(file) {
+        Ok(text) => Ok(TaskText {
+            source_name: file.display().to_string(),
+            text,
+            base_dir: Some(file.parent().unwrap_or(Path::new("")).to_owned()),
+        }),
+        Err(error) => Err(ResolveError::Unreadable {
+            name: file.display().to_string(),
+            reason: error.to_string(),
+        }),
     }
 }
 

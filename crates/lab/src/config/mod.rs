@@ -92,7 +92,7 @@ mod tests;
 pub use document::Document;
 pub(crate) use error::walk;
 pub use error::{ConfigError, Problem};
-pub use load::{ResolveError, TaskText, resolver};
+pub use load::{ResolveError, TaskText, resolver, task_text};
 pub use node::{Content, Entry, Node, Origin, Source, Table};
 pub use path::KeyPath;
 pub(crate) use serialize::to_node;

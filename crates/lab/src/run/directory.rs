@@ -4,49 +4,22 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::{Deserialize, Serialize};
+use stridemap_files::Lock;
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_returnmap::LearnedMap;
 
-use crate::algorithm::{Iteration, Phase, Progress, Recorder, Seconds};
+use crate::algorithm::{Phase, Progress, Recorder};
 use crate::error::LabError;
 use crate::poses::{Pace, Recording};
 use crate::provenance::Provenance;
-use crate::run::files::{
-    Log, append_line, create_dir, read_json, read_text, write_json, write_whole,
-};
+use crate::run::beginning::{build, refuse_occupied};
+use crate::run::files::{Keep, Log, check_dir, create_dir, read_json, write_json, write_whole};
+use crate::run::finished::{Checkpoint, FORMAT, FinishedRun, read_progress, read_unfinished};
 use crate::run::grid;
 use crate::run::summary::Summary;
 use crate::run::table::TransitionTable;
-use crate::strides::{Performance, StridePhase, Transition};
+use crate::strides::{StridePhase, Transition};
 use crate::task::Task;
-
-/// The version of the run directory that this crate writes and reads.
-const FORMAT: u32 = 1;
-
-/// What a killed run goes on from.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Checkpoint {
-    format: u32,
-    phase: Phase,
-    transition_rows: usize,
-    record_rows: usize,
-    learning_rows: usize,
-    policies: usize,
-    iterations: Vec<Iteration>,
-    nominal: Option<Performance>,
-    final_performance: Option<Performance>,
-    record_strides: usize,
-    seconds: Seconds,
-}
-
-/// Names of the components, for readers of the CSV files.
-#[derive(Debug, Serialize)]
-struct Columns<'a> {
-    state: Vec<&'a str>,
-    action: Vec<&'a str>,
-}
 
 /// Tells a watcher (a terminal) what happens; never touches the run.
 pub trait Watcher {
@@ -56,6 +29,8 @@ pub trait Watcher {
     fn trial(&mut self, _iteration: usize, _trial: &TrialSummary) {}
     /// A phase ended.
     fn phase(&mut self, _phase: Phase, _progress: &Progress) {}
+    /// Something that a person should know.
+    fn note(&mut self, _text: &str) {}
 }
 
 /// A watcher that looks away.
@@ -78,89 +53,100 @@ pub struct RunDirectory {
     watcher: Box<dyn Watcher>,
     /// The map just fitted, until the policy that comes of it is known.
     fitted: Option<(usize, LearnedMap)>,
+    /// Nobody else writes here meanwhile.
+    _lock: Lock,
 }
 
 const LEARNING_HEADER: &str = "iteration,trial,world,average_reward,falls,strides";
 
+pub(super) const EVENTS: &str = "events.ndjson";
+pub(super) const EVENTS_HEADER: &str = r#"{"format":1}"#;
+
 impl RunDirectory {
-    /// Creates a run directory for a task and a seed.
+    /// Creates a run directory for a task and a seed. It appears whole or not at all; one that is there
+    /// and holds no stride yet, half made or of a run that ended before its first, is made anew, its events kept.
     ///
-    /// `config` is the resolved task as TOML. `stop` is looked at after each stride and each trial.
+    /// `stop` is looked at after each stride and each trial.
     ///
     /// # Errors
     ///
-    /// [`LabError::RunDirectory`] if the directory holds a run already; [`LabError::File`].
+    /// [`LabError::RunDirectory`] if the directory holds something already; [`LabError::Locked`] if another process
+    /// writes there; [`LabError::Unwritable`]; [`LabError::File`].
     pub fn create(
         path: &Path,
         task: &Task,
-        config: &str,
         provenance: &Provenance,
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<Self, LabError> {
-        if path.join("config.toml").exists() {
-            return Err(LabError::RunDirectory {
+        let unwritable = |source| LabError::Unwritable {
+            path: path.into(),
+            source,
+        };
+        let place = stridemap_files::resolved(path).map_err(unwritable)?;
+        let lock = if place.symlink_metadata().is_ok() {
+            // A run is locked before it is looked at; nothing is made where there is none.
+            let held = path.join("config.toml").exists().then(|| lock(path));
+            let held = held.transpose()?;
+            refuse_occupied(path, task)?;
+            check_dir(path)?;
+            let lock = held.map_or_else(|| lock(path), Ok)?;
+            sweep(path)?;
+            build(path, path, task, provenance)?;
+            lock
+        } else {
+            let (Some(parent), Some(name)) = (place.parent(), place.file_name()) else {
+                return Err(unwritable(std::io::ErrorKind::InvalidInput.into()));
+            };
+            let mut aside = std::ffi::OsString::from(".");
+            aside.push(name);
+            aside.push(".new");
+            let aside = parent.join(aside);
+            check_dir(&aside)?;
+            refuse_occupied(&aside, task)?; // Of a killed process, or somebody else's.
+            create_dir(&aside)?;
+            let lock = lock(&aside)?;
+            build(&aside, path, task, provenance)?;
+            std::fs::rename(&aside, &place).map_err(|source| LabError::File {
                 path: path.into(),
-                problem: format!(
-                    "holds a run already; go on with `stridemap learn --resume {0}`, or choose \
-                     another directory with --out",
-                    path.display()
-                ),
-            });
-        }
-        let occupied = std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
-        if occupied {
-            return Err(LabError::RunDirectory {
-                path: path.into(),
-                problem: "is not empty and holds no run; choose another directory with --out"
-                    .into(),
-            });
-        }
-        for sub in ["map", "policy", "figures/data", "poses", "lapse"] {
-            create_dir(&path.join(sub))?;
-        }
-        write_json(&path.join("provenance.json"), provenance)?;
-        let spec = task.process_spec()?;
-        write_json(
-            &path.join("columns.json"),
-            &Columns {
-                state: spec.state.iter().map(|d| d.name.as_str()).collect(),
-                action: spec.action.iter().map(|d| d.name.as_str()).collect(),
-            },
-        )?;
-        // Last, because its presence says that this is a run.
-        write_whole(&path.join("config.toml"), config.as_bytes())?;
-        Self::open_logs(path, task, provenance.seed, [0, 0, 0], stop, watcher)
+                doing: "create directory",
+                source,
+            })?;
+            lock
+        };
+        let rows = [0, 0, 0];
+        Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher)
     }
 
     fn open_logs(
         path: &Path,
         task: &Task,
         seed: u64,
-        [transitions, record, learning]: [usize; 3],
+        rows: [usize; 3],
+        lock: Lock,
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<Self, LabError> {
         let table = TransitionTable::new(&task.process_spec()?);
-        let header = table.header();
-        let events_path = path.join("events.ndjson");
-        let event_rows = read_text(&events_path).map_or(0, |t| t.lines().count().saturating_sub(1));
+        let [transitions, record, learning] = logs(path, &table, rows)?;
         Ok(Self {
             path: path.into(),
             task: task.clone(),
             seed,
-            transitions: Log::open(&path.join("transitions.csv"), &header, transitions)?,
-            record: Log::open(&path.join("record.csv"), &format!("what,{header}"), record)?,
-            learning: Log::open(&path.join("learning.csv"), LEARNING_HEADER, learning)?,
-            events: Log::open(&events_path, r#"{"format":1}"#, event_rows)?,
             table,
+            transitions,
+            record,
+            learning,
+            events: Log::open(&path.join(EVENTS), EVENTS_HEADER, Keep::Lines)?,
             stop,
             watcher,
             fitted: None,
+            _lock: lock,
         })
     }
 
-    /// Opens a run directory to go on with its run, and reads what it achieved.
+    /// Opens a run directory to go on with its run, and reads what it achieved. Nothing is written before there is
+    /// something to write.
     ///
     /// What was written after the last checkpoint is dropped and made again, with the same result. A robot
     /// behind a link cannot repeat what it did: its training and evaluation strides are kept, and the run goes
@@ -168,29 +154,62 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] if a file is damaged;
-    /// [`LabError::File`].
+    /// [`LabError::Locked`] if another process writes there; [`LabError::Mixed`] if model, simulator, program, seed or
+    /// task are not those of the run; [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] if a file
+    /// is damaged; [`LabError::File`].
     pub fn resume(
-        path: &Path,
-        task: &Task,
-        seed: u64,
+        run: &FinishedRun,
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<(Self, Progress), LabError> {
-        let (mut progress, mut rows) = read_progress(path, task)?;
+        let FinishedRun {
+            path,
+            task,
+            provenance,
+            ..
+        } = run;
+        let lock = lock(path)?;
+        run.refuse_others()?;
+        let (mut progress, mut rows, _) = read_progress(path, task)?;
         if task.link.is_some() {
             progress.unfinished = read_unfinished(path, task, rows[0])?;
             rows[0] += progress.unfinished.len();
         }
-        let mut directory = Self::open_logs(path, task, seed, rows, stop, watcher)?;
-        directory.event(
+        sweep(path)?;
+        let directory = Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher)?;
+        Ok((directory, progress))
+    }
+
+    /// Drops a last line of the events that was cut off, with a word.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::File`].
+    pub fn mend(&mut self) -> Result<(), LabError> {
+        if self.events.has_cut_line() {
+            self.events.begin()?;
+            self.watcher.note(&format!(
+                "{}: the last line was cut off and is dropped",
+                self.path.join(EVENTS).display()
+            ));
+        }
+        Ok(())
+    }
+
+    /// Notes in the run's events that it goes on from what it achieved.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::File`].
+    pub fn goes_on(&mut self, progress: &Progress) -> Result<(), LabError> {
+        self.mend()?;
+        self.event(
             "resumed",
             serde_json::json!({
-                "strides": rows[0],
+                "strides": self.transitions.rows(),
                 "of_an_unfinished_batch": progress.unfinished.len(),
             }),
-        )?;
-        Ok((directory, progress))
+        )
     }
 
     /// Where it lies.
@@ -331,6 +350,7 @@ impl Recorder for RunDirectory {
             &self.path.join("checkpoint.json"),
             &Checkpoint {
                 format: FORMAT,
+                seed: Some(self.seed),
                 phase,
                 transition_rows: self.transitions.rows(),
                 record_rows: self.record.rows(),
@@ -374,132 +394,41 @@ fn event_line(kind: &str, details: serde_json::Value) -> String {
 ///
 /// [`LabError::File`].
 pub fn append_event(run: &Path, kind: &str, details: serde_json::Value) -> Result<(), LabError> {
-    append_line(&run.join("events.ndjson"), &event_line(kind, details))
+    Log::open(&run.join(EVENTS), EVENTS_HEADER, Keep::Lines)?.append(&event_line(kind, details))
 }
 
-/// Reads what a run achieved up to its last checkpoint, and how many rows of each log belong to it.
-fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3]), LabError> {
-    let checkpoint_path = path.join("checkpoint.json");
-    if !checkpoint_path.exists() {
-        return Ok((Progress::default(), [0, 0, 0]));
-    }
-    let c: Checkpoint = read_json(&checkpoint_path)?;
-    if c.format != FORMAT {
-        return Err(LabError::Content {
-            path: checkpoint_path,
-            line: None,
-            problem: format!(
-                "has format {}; this version reads format {FORMAT}",
-                c.format
-            ),
-        });
-    }
-    let table = TransitionTable::new(&task.process_spec()?);
-    let transitions = table.read(&path.join("transitions.csv"), Some(c.transition_rows))?;
-    if transitions.len() < c.transition_rows {
-        return Err(LabError::Content {
-            path: path.join("transitions.csv"),
-            line: None,
-            problem: format!(
-                "holds {} strides where the checkpoint counts {}",
-                transitions.len(),
-                c.transition_rows
-            ),
-        });
-    }
-    let policies = (1..=c.policies)
-        .map(|i| read_json(&path.join(format!("policy/{i}.json"))))
-        .collect::<Result<_, _>>()?;
-    let progress = Progress {
-        // Aborted strides are in the log but are no data.
-        transitions: transitions
-            .into_iter()
-            .filter(|t| t.end != stridemap_returnmap::StrideEnd::Aborted)
-            .collect(),
-        iterations: c.iterations,
-        policies,
-        nominal: c.nominal,
-        final_performance: c.final_performance,
-        record_strides: c.record_strides,
-        seconds: c.seconds,
-        unfinished: Vec::new(),
-        total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
-    };
-    Ok((
-        progress,
-        [c.transition_rows, c.record_rows, c.learning_rows],
-    ))
+/// Takes the right to write into a run, for as long as the lock lives.
+///
+/// # Errors
+///
+/// [`LabError::Locked`].
+pub fn lock(run: &Path) -> Result<Lock, LabError> {
+    Lock::take(run).map_err(|source| LabError::Locked {
+        path: run.into(),
+        source,
+    })
 }
 
-/// Reads the strides that were made after the last checkpoint, which counts `checkpoint_rows`. A last line that
-/// was cut short is no stride.
-fn read_unfinished(
+fn sweep(path: &Path) -> Result<(), LabError> {
+    stridemap_files::sweep(path).map_err(|source| LabError::File {
+        path: path.into(),
+        doing: "read",
+        source,
+    })
+}
+
+/// The logs of strides and trials, of which so many rows are kept.
+pub(super) fn logs(
     path: &Path,
-    task: &Task,
-    checkpoint_rows: usize,
-) -> Result<Vec<Transition>, LabError> {
-    let log = path.join("transitions.csv");
-    if !log.exists() {
-        return Ok(Vec::new());
-    }
-    // Every row ends with a line break, and so does the header.
-    let whole = read_text(&log)?.matches('\n').count().saturating_sub(1);
-    let table = TransitionTable::new(&task.process_spec()?);
-    let mut all = table.read(&log, Some(whole.max(checkpoint_rows)))?;
-    Ok(all.split_off(checkpoint_rows.min(all.len())))
-}
-
-/// A run that was made before, read for further use. The directory is not changed.
-pub struct FinishedRun {
-    /// Where it lies.
-    pub path: PathBuf,
-    /// Its task.
-    pub task: Task,
-    /// Where its numbers came from.
-    pub provenance: Provenance,
-    /// What it achieved.
-    pub progress: Progress,
-}
-
-impl FinishedRun {
-    /// Reads a run directory.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] or [`LabError::File`].
-    pub fn open(path: &Path, sets: &[String]) -> Result<Self, LabError> {
-        let config = path.join("config.toml");
-        if !config.exists() {
-            return Err(LabError::RunDirectory {
-                path: path.into(),
-                problem: "holds no run (there is no config.toml in it)".into(),
-            });
-        }
-        let task = crate::builtin::load_file(&config, sets)?.task;
-        let provenance = read_json(&path.join("provenance.json"))?;
-        let (progress, _) = read_progress(path, &task)?;
-        Ok(Self {
-            path: path.into(),
-            task,
-            provenance,
-            progress,
-        })
-    }
-
-    /// The run's policy: the final one; before there is one the best so far, or the newest if none is proven.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::RunDirectory`] if it has none yet; [`LabError::Content`] or [`LabError::File`].
-    pub fn policy(&self) -> Result<SavedPolicy, LabError> {
-        let Progress { policies, .. } = &self.progress;
-        if self.progress.final_performance.is_some() {
-            return read_json(&self.path.join("policy/final.json"));
-        }
-        let policy = self.progress.best_policy().or(policies.last());
-        policy.cloned().ok_or_else(|| LabError::RunDirectory {
-            path: self.path.clone(),
-            problem: "has no policy yet; `stridemap learn --resume` it first".into(),
-        })
-    }
+    table: &TransitionTable,
+    rows: [usize; 3],
+) -> Result<[Log; 3], LabError> {
+    let header = table.header();
+    let open =
+        |name: &str, header: &str, rows| Log::open(&path.join(name), header, Keep::Rows(rows));
+    Ok([
+        open("transitions.csv", &header, rows[0])?,
+        open("record.csv", &format!("what,{header}"), rows[1])?,
+        open("learning.csv", LEARNING_HEADER, rows[2])?,
+    ])
 }

@@ -1,7 +1,7 @@
 //! Files that survive a killed process and a full disk.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::LabError;
@@ -15,26 +15,37 @@ fn failed(path: &Path, doing: &'static str) -> impl FnOnce(std::io::Error) -> La
     }
 }
 
-/// Writes a whole file: aside, flushed to the disk, renamed. A reader sees the old file or the new
-/// one, never half of it.
+/// Writes a whole file, as [`stridemap_files::write_whole`] does.
 ///
 /// # Errors
 ///
 /// [`LabError::File`]; the old file is then untouched.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), LabError> {
-    let mut aside = path.as_os_str().to_owned();
-    aside.push(".tmp");
-    let aside = PathBuf::from(aside);
-    let written = File::create(&aside).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    let renamed = written.and_then(|()| fs::rename(&aside, path));
-    if renamed.is_err() {
-        // The reason is reported below; a left-over aside file would only confuse.
-        let _ = fs::remove_file(&aside);
-    }
-    renamed.map_err(failed(path, "write"))
+    stridemap_files::write_whole(path, bytes).map_err(failed(path, "write"))
+}
+
+/// Whether a file could be written, before the work for it begins; touches nothing.
+///
+/// # Errors
+///
+/// [`LabError::Unwritable`].
+pub fn check_file(path: &Path) -> Result<(), LabError> {
+    stridemap_files::check_file(path).map_err(|source| LabError::Unwritable {
+        path: path.into(),
+        source,
+    })
+}
+
+/// Whether files could be written into a directory, which need not be there yet; makes nothing.
+///
+/// # Errors
+///
+/// [`LabError::Unwritable`].
+pub fn check_dir(path: &Path) -> Result<(), LabError> {
+    stridemap_files::check_dir(path).map_err(|source| LabError::Unwritable {
+        path: path.into(),
+        source,
+    })
 }
 
 /// Writes a value as indented JSON with a final newline, whole.
@@ -93,72 +104,122 @@ pub fn create_dir(path: &Path) -> Result<(), LabError> {
     fs::create_dir_all(path).map_err(failed(path, "create directory"))
 }
 
-/// Appends one line to a file, which is made if it is not there.
-///
-/// # Errors
-///
-/// [`LabError::File`].
-pub fn append_line(path: &Path, line: &str) -> Result<(), LabError> {
-    let opened = OpenOptions::new().append(true).create(true).open(path);
-    opened
-        .and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()))
-        .map_err(failed(path, "append to"))
+/// How much of a log is kept when it is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// So many rows; what a killed process wrote after its last checkpoint is dropped.
+    Rows(usize),
+    /// Every whole line: the log is only ever appended to.
+    Lines,
 }
 
-/// A log that only grows, one line after another, each flushed as it is written.
+/// A log that only grows, one line after another, each handed to the system as it is written.
+///
+/// Nothing is changed before the first line is appended: then what is not kept is cut off. Lines are bytes: one
+/// that cannot be read stays, and costs no other.
 pub struct Log {
     path: PathBuf,
-    file: BufWriter<File>,
+    header: String,
+    file: Option<File>,
     rows: usize,
+    /// Bytes that are kept; 0: the log begins anew.
+    kept_bytes: u64,
+    cut_line: bool,
 }
 
 impl Log {
-    /// Opens a log with a header line and `keep` rows: a new log if there is none and `keep` is 0, or
-    /// the first `keep` rows of an existing one (what a killed process wrote after its last
-    /// checkpoint is dropped).
+    /// Opens a log with a header line: a new one if there is none, or what is kept of an old one.
     ///
     /// # Errors
     ///
-    /// [`LabError::File`], or [`LabError::Content`] if an existing log holds fewer rows or begins with
-    /// another header.
-    pub fn open(path: &Path, header: &str, keep: usize) -> Result<Self, LabError> {
-        let mut text = format!("{header}\n");
-        if keep > 0 {
-            let old = read_text(path)?;
-            let mut lines = old.lines();
-            if lines.next() != Some(header) {
-                return Err(LabError::Content {
-                    path: path.into(),
-                    line: Some(1),
-                    problem: format!("does not begin with the header this task writes: {header}"),
-                });
+    /// [`LabError::File`], or [`LabError::Content`] if rows are to be kept and an old log holds fewer or begins
+    /// with another header.
+    pub fn open(path: &Path, header: &str, keep: Keep) -> Result<Self, LabError> {
+        let old = match fs::read(path) {
+            Ok(bytes) => bytes,
+            Err(error)
+                if error.kind() == std::io::ErrorKind::NotFound
+                    && matches!(keep, Keep::Lines | Keep::Rows(0)) =>
+            {
+                Vec::new()
             }
-            let kept: Vec<&str> = lines.take(keep).collect();
-            if kept.len() < keep {
-                return Err(LabError::Content {
-                    path: path.into(),
-                    line: None,
-                    problem: format!(
-                        "holds {} rows where the checkpoint counts {keep}; it was changed since",
-                        kept.len()
-                    ),
-                });
-            }
-            for line in kept {
-                text.push_str(line);
-                text.push('\n');
+            Err(error) => return Err(failed(path, "read")(error)),
+        };
+        let mut log = Self {
+            path: path.into(),
+            header: header.into(),
+            file: None,
+            rows: 0,
+            kept_bytes: 0,
+            cut_line: old.last().is_some_and(|byte| *byte != b'\n'),
+        };
+        let mut ends = old
+            .iter()
+            .enumerate()
+            .filter(|(_, b)| **b == b'\n')
+            .map(|(i, _)| i + 1);
+        let content = |line, problem| {
+            Err(LabError::Content {
+                path: path.into(),
+                line,
+                problem,
+            })
+        };
+        match keep {
+            Keep::Lines => log.kept_bytes = ends.last().unwrap_or(0) as u64,
+            Keep::Rows(keep) => {
+                // Not even a header: killed at its birth.
+                let Some(first) = ends.next().or((keep > 0).then_some(0)) else {
+                    return Ok(log);
+                };
+                if old[..first].strip_suffix(b"\n") != Some(header.as_bytes()) {
+                    return content(
+                        Some(1),
+                        format!("does not begin with the header this task writes: {header}"),
+                    );
+                }
+                let rows: Vec<usize> = ends.take(keep).collect();
+                if rows.len() < keep {
+                    return content(
+                        None,
+                        format!(
+                            "holds {} rows where the checkpoint counts {keep}; it was changed since",
+                            rows.len()
+                        ),
+                    );
+                }
+                log.kept_bytes = rows.last().copied().unwrap_or(first) as u64;
+                log.rows = keep;
             }
         }
-        write_whole(path, text.as_bytes())?;
-        let file = OpenOptions::new()
-            .append(true)
-            .open(path)
-            .map_err(failed(path, "open"))?;
-        Ok(Self {
-            path: path.into(),
-            file: BufWriter::new(file),
-            rows: keep,
-        })
+        Ok(log)
+    }
+
+    /// Makes the log if it is not there.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::File`].
+    pub fn begin(&mut self) -> Result<&mut File, LabError> {
+        let file = match self.file.take() {
+            Some(file) => file,
+            None => self.opened()?,
+        };
+        Ok(self.file.insert(file))
+    }
+
+    fn opened(&self) -> Result<File, LabError> {
+        if self.kept_bytes == 0 {
+            write_whole(&self.path, format!("{}\n", self.header).as_bytes())?;
+        }
+        let opened = OpenOptions::new().append(true).open(&self.path);
+        let opened = opened.and_then(|file| {
+            if self.kept_bytes > 0 && file.metadata()?.len() > self.kept_bytes {
+                file.set_len(self.kept_bytes)?;
+            }
+            Ok(file)
+        });
+        opened.map_err(failed(&self.path, "open"))
     }
 
     /// Appends one row and hands it to the system.
@@ -167,7 +228,7 @@ impl Log {
     ///
     /// [`LabError::File`].
     pub fn append(&mut self, row: &str) -> Result<(), LabError> {
-        let written = writeln!(self.file, "{row}").and_then(|()| self.file.flush());
+        let written = self.begin()?.write_all(format!("{row}\n").as_bytes());
         written.map_err(failed(&self.path, "append to"))?;
         self.rows += 1;
         Ok(())
@@ -180,15 +241,22 @@ impl Log {
     /// [`LabError::File`].
     pub fn sync(&self) -> Result<(), LabError> {
         self.file
-            .get_ref()
-            .sync_data()
+            .as_ref()
+            .map_or(Ok(()), File::sync_data)
             .map_err(failed(&self.path, "write"))
     }
 
-    /// Rows so far, the header not counted.
+    /// Rows so far, the header not counted; of a log of which every line was kept, those appended.
     #[must_use]
     pub const fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// Whether the last line was cut when the log was opened: a process was killed, or a disk full, in the
+    /// middle of it.
+    #[must_use]
+    pub const fn has_cut_line(&self) -> bool {
+        self.cut_line
     }
 }
 
@@ -200,21 +268,44 @@ mod tests {
     fn a_log_keeps_what_the_checkpoint_counts_and_drops_the_rest() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("log.csv");
-        let mut log = Log::open(&path, "a,b", 0).unwrap();
+        let mut log = Log::open(&path, "a,b", Keep::Rows(0)).unwrap();
         for row in ["1,2", "3,4", "5,6"] {
             log.append(row).unwrap();
         }
-        fs::write(&path, "a,b\n1,2\n3,4\n5,").unwrap(); // killed in the middle of a row
-        let mut log = Log::open(&path, "a,b", 2).unwrap();
+        let cut = "a,b\n1,2\n3,4\n5,"; // killed in the middle of a row
+        fs::write(&path, cut).unwrap();
+        let mut log = Log::open(&path, "a,b", Keep::Rows(2)).unwrap();
+        assert!(log.has_cut_line());
+        assert_eq!(
+            read_text(&path).unwrap(),
+            cut,
+            "nothing is changed before a row is written"
+        );
         log.append("7,8").unwrap();
         assert_eq!(log.rows(), 3);
         assert_eq!(read_text(&path).unwrap(), "a,b\n1,2\n3,4\n7,8\n");
-        let short = Log::open(&path, "a,b", 9).err().unwrap().to_string();
+        let short = Log::open(&path, "a,b", Keep::Rows(9))
+            .err()
+            .unwrap()
+            .to_string();
         assert!(
             short.contains("holds 3 rows where the checkpoint counts 9"),
             "{short}"
         );
-        assert!(Log::open(&path, "a,c", 1).is_err());
+        assert!(Log::open(&path, "a,c", Keep::Rows(1)).is_err());
+    }
+
+    #[test]
+    fn a_byte_that_cannot_be_read_costs_no_line_and_only_a_cut_one_is_dropped() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("log");
+        fs::write(&path, b"h\none\n\xff\xfe\nthree\nfo").unwrap();
+        let mut log = Log::open(&path, "h", Keep::Lines).unwrap();
+        log.append("four").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"h\none\n\xff\xfe\nthree\nfour\n");
+        let mut log = Log::open(&path, "h", Keep::Rows(2)).unwrap();
+        log.append("three again").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"h\none\n\xff\xfe\nthree again\n");
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! The run directory: files, tables, summary.
 
+mod beginning;
 mod directory;
 pub mod files;
+mod finished;
 mod grid;
 mod summary;
 mod table;
 
-pub use directory::{FinishedRun, NoWatcher, RunDirectory, Watcher, append_event};
+pub use beginning::{has_begun, refuse_occupied};
+pub use directory::{NoWatcher, RunDirectory, Watcher, append_event, lock};
+pub use finished::FinishedRun;
 pub use summary::{IterationSummary, Measured, SecondsSummary, StrideCounts, Summary};
 pub use table::TransitionTable;

@@ -232,8 +232,31 @@ impl Run {
     }
 
     fn text(&mut self, file: &str) -> Option<String> {
-        match fs::read_to_string(self.dir.join(file)) {
-            Ok(text) => Some(text),
+        let text = String::from_utf8(self.bytes(file)?);
+        text.map_err(|e| self.problems.push(format!("{file}: {}", e.utf8_error())))
+            .ok()
+    }
+
+    /// A log of lines, of which one that is no text costs no other: it is named, and left blank.
+    fn lines(&mut self, file: &str) -> Option<String> {
+        let bytes = self.bytes(file)?;
+        let mut text = String::with_capacity(bytes.len());
+        for (at, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
+            match std::str::from_utf8(line) {
+                Ok(line) => text.push_str(line),
+                Err(_) => {
+                    let problem = format!("{file}, line {}: is no text and is left out", at + 1);
+                    self.problems.push(problem);
+                    text.push('\n');
+                }
+            }
+        }
+        Some(text)
+    }
+
+    fn bytes(&mut self, file: &str) -> Option<Vec<u8>> {
+        match fs::read(self.dir.join(file)) {
+            Ok(bytes) => Some(bytes),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 self.missing.push(file.to_owned());
                 None
@@ -257,7 +280,7 @@ impl Run {
     }
 
     fn csv<T>(&mut self, file: &str, read: impl Fn(&Table) -> Result<T>) -> Option<T> {
-        let text = self.text(file)?;
+        let text = self.lines(file)?;
         let table = Table::parse(Path::new(file), &text);
         match table.and_then(|t| Ok((t.torn, read(&t)?))) {
             Ok((torn, value)) => {

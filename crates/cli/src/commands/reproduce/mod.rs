@@ -40,9 +40,7 @@ pub fn reproduce(
     use FigureName::{
         Fig7, Fig8, Fig9, Fig10, Fig11, Fig12, Fig13, Fig14, Fig15, Fig16, Fig17, Fig18,
     };
-    if seeds == 0 {
-        return Err(Failure::request("--seeds must be at least 1"));
-    }
+    crate::parallel::seeds(common.seed, seeds)?;
     if common.robot == Some(RobotName::Ros2) {
         return Err(Failure::request(
             "reproduce simulates its robots: leave out --robot ros2, and draw a run on a robot with \
@@ -53,6 +51,7 @@ pub fn reproduce(
         || PathBuf::from("runs").join("reproduce"),
         Path::to_path_buf,
     );
+    files::check_dir(&dir)?;
     files::create_dir(&dir)?;
     let all = figures.contains(&FigureName::All);
     let wanted = |names: &[FigureName]| -> BTreeSet<FigureName> {

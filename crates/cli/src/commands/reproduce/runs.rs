@@ -5,14 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use stridemap_lab::builtin::{self, LoadedTask};
-use stridemap_lab::run::{FinishedRun, NoWatcher, Summary, files};
+use stridemap_lab::run::Summary;
 use stridemap_report::run::Run;
 
 use crate::args::Common;
-use crate::commands::learn::{go_on, start};
-use crate::commands::on_robot;
+use crate::commands::learn::start_or_go_on;
 use crate::failure::Failure;
-use crate::output;
 use crate::parallel;
 use crate::progress::SeedProgress;
 use crate::stop::stop_flag;
@@ -62,7 +60,7 @@ impl<'a> Runs<'a> {
             .iter()
             .map(|name| builtin::load(name, &self.common.sets))
             .collect::<Result<Vec<LoadedTask>, _>>()?;
-        let seeds: Vec<u64> = (self.common.seed..self.common.seed + self.seeds).collect();
+        let seeds = parallel::seeds(self.common.seed, self.seeds)?;
         let jobs: Vec<(usize, u64)> = (0..tasks.len())
             .flat_map(|task| seeds.iter().map(move |seed| (task, *seed)))
             .collect();
@@ -104,42 +102,6 @@ impl<'a> Runs<'a> {
             json: false,
             ..self.common.clone()
         };
-        let config = path.join("config.toml");
-        if !config.exists() {
-            files::create_dir(&self.dir)?;
-            let summary = start(
-                name,
-                loaded,
-                &path,
-                &common,
-                &self.stop,
-                Box::new(NoWatcher),
-            )?;
-            return Ok((summary, "made"));
-        }
-        let asked = on_robot(loaded.clone(), &common)?;
-        let same = files::read_text(&config)? == asked.resolved;
-        let run = FinishedRun::open(&path, &[])?;
-        if !same || run.provenance.seed != seed {
-            return Err(Failure::request(format!(
-                "{}: holds a run of {name} with other settings than those asked for; remove it, or \
-                 choose another directory with --out",
-                path.display()
-            )));
-        }
-        let summary = path.join("summary.json");
-        if run.progress.final_performance.is_some() && summary.exists() {
-            output::note(format!(
-                "{}: taken as it is, begun {} by version {}",
-                path.display(),
-                run.provenance.start,
-                run.provenance.version
-            ));
-            return Ok((files::read_json(&summary)?, "taken"));
-        }
-        Ok((
-            go_on(&run, &common, &self.stop, Box::new(NoWatcher))?,
-            "finished",
-        ))
+        start_or_go_on(name, loaded, &path, &common, &self.stop)
     }
 }

@@ -42,12 +42,12 @@ pub struct Row {
 /// Learns one policy from each number of samples and each seed; draws and returns the table.
 pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Failure> {
     let task = builtin::load("walking", &common.sets)?.task;
-    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let list = parallel::seeds(common.seed, seeds)?;
     let unseen = parallel::over(&list, common.threads, |&seed| {
         let mut task = task.clone();
         task.collect.strides = vec![UNSEEN];
         task.record.pose_seconds = 0.0;
-        let mut algorithm = Algorithm::new(&task, seed + UNSEEN_SEED)?;
+        let mut algorithm = Algorithm::new(&task, seed.wrapping_add(UNSEEN_SEED))?;
         algorithm.collect(&mut NoRecorder)?;
         Ok(algorithm.progress.transitions)
     })?;

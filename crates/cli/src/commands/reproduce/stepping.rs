@@ -120,7 +120,7 @@ struct Pushed {
 /// Learns `stepping` and pushes the result, per seed.
 fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> {
     let task = builtin::load("stepping", &common.sets)?.task;
-    let list: Vec<u64> = (common.seed..common.seed + seeds).collect();
+    let list = parallel::seeds(common.seed, seeds)?;
     let progress = SeedProgress::new(list.len());
     let results = parallel::over(&list, common.threads, |&seed| -> Result<Pushed, LabError> {
         let mut algorithm = Algorithm::new(&task, seed)?;

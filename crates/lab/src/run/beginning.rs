@@ -1,0 +1,188 @@
+//! The beginning of a run directory: whether a place is free, and what a new one consists of.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use stridemap_files::LOCK_FILE;
+use stridemap_mujoco::{ModelSource, compiled, sha256};
+
+use crate::error::LabError;
+use crate::provenance::{Provenance, task_differences};
+use crate::run::directory::{EVENTS, EVENTS_HEADER, logs};
+use crate::run::files::{Keep, Log, create_dir, write_json, write_whole};
+use crate::run::finished::{FinishedRun, MODEL_COPY};
+use crate::run::table::TransitionTable;
+use crate::task::Task;
+
+/// Names of the components, for readers of the CSV files.
+#[derive(Debug, Serialize)]
+struct Columns<'a> {
+    state: Vec<&'a str>,
+    action: Vec<&'a str>,
+}
+
+/// What a new run consists of; `config.toml` is its last part, and says that it is one.
+const NEW: [&str; 13] = [
+    "map",
+    "policy",
+    "figures",
+    "poses",
+    "lapse",
+    LOCK_FILE,
+    MODEL_COPY,
+    "provenance.json",
+    "columns.json",
+    "transitions.csv",
+    "record.csv",
+    "learning.csv",
+    EVENTS,
+];
+const STRIDES: [&str; 2] = ["transitions.csv", "record.csv"];
+/// Whether a directory holds a run with at least one stride.
+///
+/// # Errors
+///
+/// [`LabError::File`].
+pub fn has_begun(path: &Path) -> Result<bool, LabError> {
+    Ok(path.join("config.toml").exists() && has_strides(path)?)
+}
+
+/// Whether a run or the beginning of one holds a stride, or anything else that took work.
+fn has_strides(path: &Path) -> Result<bool, LabError> {
+    if path.join("checkpoint.json").exists() {
+        return Ok(true);
+    }
+    for log in STRIDES.map(|name| path.join(name)) {
+        // Bytes, since a damaged log is not none.
+        let bytes = match std::fs::read(&log) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            Err(source) => {
+                return Err(LabError::File {
+                    path: log,
+                    doing: "read",
+                    source,
+                });
+            }
+        };
+        if bytes.iter().filter(|byte| **byte == b'\n').count() > 1 {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// Refuses a directory that holds anything but the beginning of a run without a stride, if it is there.
+///
+/// # Errors
+///
+/// [`LabError::RunDirectory`]; [`LabError::Unwritable`] if it cannot be read.
+pub fn refuse_occupied(path: &Path, task: &Task) -> Result<(), LabError> {
+    let refuse = |problem: String| {
+        Err(LabError::RunDirectory {
+            path: path.into(),
+            problem,
+        })
+    };
+    if path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    let entries = std::fs::read_dir(path).map_err(|source| LabError::Unwritable {
+        path: path.into(),
+        source,
+    })?;
+    let is_run = path.join("config.toml").exists();
+    let names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
+    let known = |name: &std::ffi::OsString| {
+        let name = name.to_string_lossy();
+        // Earlier versions and killed processes left their files aside.
+        NEW.contains(&&*name) || name.ends_with(".tmp")
+    };
+    if !has_strides(path)? && (is_run || names.iter().all(known)) {
+        return Ok(());
+    }
+    if !is_run {
+        return refuse("is not empty and holds no run; choose another directory with --out".into());
+    }
+    let edited = FinishedRun::open(path, &[])
+        .and_then(|run| task_differences(&run.task, task))
+        .unwrap_or_default();
+    let differs = match edited.as_slice() {
+        [] => String::new(),
+        edited => format!(" of another task ({})", edited.join("; ")),
+    };
+    refuse(format!(
+        "holds a run already{differs}; go on with `stridemap learn --resume {0}`, or choose another directory with --out",
+        path.display()
+    ))
+}
+
+/// Writes what a new run consists of into a directory that will stand at `place`.
+pub(super) fn build(
+    path: &Path,
+    place: &Path,
+    task: &Task,
+    provenance: &Provenance,
+) -> Result<(), LabError> {
+    for sub in ["map", "policy", "figures/data", "poses", "lapse"] {
+        create_dir(&path.join(sub))?;
+    }
+    let spec = task.process_spec()?;
+    write_json(
+        &path.join("columns.json"),
+        &Columns {
+            state: spec.state.iter().map(|d| d.name.as_str()).collect(),
+            action: spec.action.iter().map(|d| d.name.as_str()).collect(),
+        },
+    )?;
+    let (mut task, mut provenance) = (task.clone(), provenance.clone());
+    if let ModelSource::File(model) = &mut task.robot.model {
+        let bytes = compiled(&ModelSource::File(model.clone()))?;
+        write_whole(&path.join(MODEL_COPY), &bytes)?;
+        provenance.model_copy_sha256 = Some(sha256(&bytes));
+        // From the run's own place, so that both can move together.
+        *model = relative(place, model).unwrap_or_else(|| MODEL_COPY.into());
+    }
+    write_json(&path.join("provenance.json"), &provenance)?;
+    let table = TransitionTable::new(&spec);
+    // No row is in them: a header of another task may be.
+    for name in STRIDES.iter().chain(&["learning.csv"]) {
+        write_whole(&path.join(name), b"")?;
+    }
+    for mut log in logs(path, &table, [0, 0, 0])? {
+        log.begin()?;
+    }
+    Log::open(&path.join(EVENTS), EVENTS_HEADER, Keep::Lines)?.begin()?;
+    let config =
+        crate::config::to_toml(&task).map_err(|error| LabError::Config(Box::new(error)))?;
+    write_whole(&path.join("config.toml"), config.as_bytes())
+}
+
+/// A file's path seen from a directory that need not be there yet; `None` if it is no text.
+fn relative(dir: &Path, file: &Path) -> Option<PathBuf> {
+    let absolute = |path: &Path| std::path::absolute(path).ok();
+    // Links above would make `..` mean something else.
+    let dir = absolute(dir)?;
+    let dir = dir.canonicalize().ok().or_else(|| {
+        let parent = dir.ancestors().find(|a| a.exists())?;
+        Some(
+            parent
+                .canonicalize()
+                .ok()?
+                .join(dir.strip_prefix(parent).ok()?),
+        )
+    })?;
+    let file = absolute(file)?.canonicalize().ok()?;
+    let shared = dir
+        .components()
+        .zip(file.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    let up = dir
+        .components()
+        .skip(shared)
+        .map(|_| std::path::Component::ParentDir);
+    let path: PathBuf = up.chain(file.components().skip(shared)).collect();
+    path.to_str()?;
+    Some(path)
+}

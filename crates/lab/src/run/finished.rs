@@ -1,0 +1,241 @@
+//! A run that was made before: what it achieved, and by what.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use stridemap_learn::SavedPolicy;
+use stridemap_mujoco::{ModelSource, sha256};
+
+use crate::algorithm::{Iteration, Phase, Progress, Seconds};
+use crate::error::LabError;
+use crate::provenance::Provenance;
+use crate::run::files::{read_json, read_text};
+use crate::run::table::TransitionTable;
+use crate::strides::{Performance, Transition};
+use crate::task::Task;
+
+/// The version of the run directory that this crate writes and reads.
+pub(super) const FORMAT: u32 = 1;
+
+/// What a killed run goes on from.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Checkpoint {
+    pub format: u32,
+    /// Left out by earlier versions.
+    #[serde(default)]
+    pub seed: Option<u64>,
+    pub phase: Phase,
+    pub transition_rows: usize,
+    pub record_rows: usize,
+    pub learning_rows: usize,
+    pub policies: usize,
+    pub iterations: Vec<Iteration>,
+    pub nominal: Option<Performance>,
+    pub final_performance: Option<Performance>,
+    pub record_strides: usize,
+    pub seconds: Seconds,
+}
+
+/// A run's copy of the model file that its task names.
+pub(super) const MODEL_COPY: &str = "model.mjb";
+
+/// Reads what a run achieved up to its last checkpoint, how many rows of each log belong to it, and its seed.
+pub(super) fn read_progress(
+    path: &Path,
+    task: &Task,
+) -> Result<(Progress, [usize; 3], Option<u64>), LabError> {
+    let checkpoint_path = path.join("checkpoint.json");
+    if !checkpoint_path.exists() {
+        return Ok((Progress::default(), [0, 0, 0], None));
+    }
+    let c: Checkpoint = read_json(&checkpoint_path)?;
+    if c.format != FORMAT {
+        return Err(LabError::Content {
+            path: checkpoint_path,
+            line: None,
+            problem: format!(
+                "has format {}; this version reads format {FORMAT}",
+                c.format
+            ),
+        });
+    }
+    let table = TransitionTable::new(&task.process_spec()?);
+    let transitions = table.read(&path.join("transitions.csv"), Some(c.transition_rows))?;
+    if transitions.len() < c.transition_rows {
+        return Err(LabError::Content {
+            path: path.join("transitions.csv"),
+            line: None,
+            problem: format!(
+                "holds {} strides where the checkpoint counts {}",
+                transitions.len(),
+                c.transition_rows
+            ),
+        });
+    }
+    let policies = (1..=c.policies)
+        .map(|i| read_json(&path.join(format!("policy/{i}.json"))))
+        .collect::<Result<_, _>>()?;
+    let progress = Progress {
+        // Aborted strides are in the log but are no data.
+        transitions: transitions
+            .into_iter()
+            .filter(|t| t.end != stridemap_returnmap::StrideEnd::Aborted)
+            .collect(),
+        iterations: c.iterations,
+        policies,
+        nominal: c.nominal,
+        final_performance: c.final_performance,
+        record_strides: c.record_strides,
+        seconds: c.seconds,
+        unfinished: Vec::new(),
+        total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
+    };
+    Ok((
+        progress,
+        [c.transition_rows, c.record_rows, c.learning_rows],
+        c.seed,
+    ))
+}
+
+/// Reads the strides that were made after the last checkpoint, which counts `checkpoint_rows`. A last line that
+/// was cut short is no stride.
+pub(super) fn read_unfinished(
+    path: &Path,
+    task: &Task,
+    checkpoint_rows: usize,
+) -> Result<Vec<Transition>, LabError> {
+    let log = path.join("transitions.csv");
+    if !log.exists() {
+        return Ok(Vec::new());
+    }
+    // Every row ends with a line break, and so does the header.
+    let whole = read_text(&log)?.matches('\n').count().saturating_sub(1);
+    let table = TransitionTable::new(&task.process_spec()?);
+    let mut all = table.read(&log, Some(whole.max(checkpoint_rows)))?;
+    Ok(all.split_off(checkpoint_rows.min(all.len())))
+}
+
+/// A run that was made before, read for further use. The directory is not changed.
+pub struct FinishedRun {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its task.
+    pub task: Task,
+    /// Where its numbers came from.
+    pub provenance: Provenance,
+    /// What it achieved.
+    pub progress: Progress,
+    /// The seed by which it achieved that, where its checkpoint says it.
+    checkpoint_seed: Option<u64>,
+}
+
+/// Puts the run's own copy of its model in the place of a model file that is not there any more.
+fn use_copy(path: &Path, task: &mut Task, provenance: &Provenance) -> Result<(), LabError> {
+    let (ModelSource::File(model), Some(hash)) =
+        (&mut task.robot.model, &provenance.model_copy_sha256)
+    else {
+        return Ok(());
+    };
+    let copy = path.join(MODEL_COPY);
+    if model.exists() || !copy.exists() {
+        return Ok(());
+    }
+    let bytes = std::fs::read(&copy).map_err(|source| LabError::File {
+        path: copy.clone(),
+        doing: "read",
+        source,
+    })?;
+    if sha256(&bytes) != *hash {
+        return Err(LabError::Content {
+            path: copy,
+            line: None,
+            problem: format!(
+                "is damaged (provenance.json names another SHA-256), and {} is not there",
+                model.display()
+            ),
+        });
+    }
+    *model = copy;
+    Ok(())
+}
+
+impl FinishedRun {
+    /// Reads a run directory.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] or [`LabError::File`].
+    pub fn open(path: &Path, sets: &[String]) -> Result<Self, LabError> {
+        let config = path.join("config.toml");
+        if !config.exists() {
+            return Err(LabError::RunDirectory {
+                path: path.into(),
+                problem: "holds no run (there is no config.toml in it)".into(),
+            });
+        }
+        let mut task = crate::builtin::load_file(&config, sets)?.task;
+        let provenance: Provenance = read_json(&path.join("provenance.json"))?;
+        use_copy(path, &mut task, &provenance)?;
+        let (progress, _, checkpoint_seed) = read_progress(path, &task)?;
+        Ok(Self {
+            path: path.into(),
+            task,
+            provenance,
+            progress,
+            checkpoint_seed,
+        })
+    }
+
+    /// What differs between what made this run and what would go on with it: model, simulator, program, seed, values
+    /// of the task. One sentence each.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Mujoco`] if the robot cannot be built.
+    pub fn differences(&self) -> Result<Vec<String>, LabError> {
+        let seed = self.checkpoint_seed.unwrap_or(self.provenance.seed);
+        let now = Provenance::begin(&self.task, seed, None, String::new())?;
+        Ok(self.provenance.differences(&now))
+    }
+
+    /// Refuses to go on with a run by other means than those that made it.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Mixed`] with what differs; as [`Self::differences`].
+    pub fn refuse_others(&self) -> Result<(), LabError> {
+        match self.differences()? {
+            same if same.is_empty() => Ok(()),
+            differences => Err(LabError::Mixed {
+                path: self.path.clone(),
+                differences,
+            }),
+        }
+    }
+
+    /// Whether the run reached its end, and everything of it is written.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.progress.final_performance.is_some()
+            && self.provenance.end.is_some()
+            && self.path.join("summary.json").exists()
+    }
+
+    /// The run's policy: the final one; before there is one the best so far, or the newest if none is proven.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if it has none yet; [`LabError::Content`] or [`LabError::File`].
+    pub fn policy(&self) -> Result<SavedPolicy, LabError> {
+        let Progress { policies, .. } = &self.progress;
+        if self.progress.final_performance.is_some() {
+            return read_json(&self.path.join("policy/final.json"));
+        }
+        let policy = self.progress.best_policy().or(policies.last());
+        policy.cloned().ok_or_else(|| LabError::RunDirectory {
+            path: self.path.clone(),
+            problem: "has no policy yet; `stridemap learn --resume` it first".into(),
+        })
+    }
+}
