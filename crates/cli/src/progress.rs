@@ -175,11 +175,13 @@ impl RunProgress {
 
     /// What a stride did, in a few words.
     fn did(&self, t: &Transition) -> String {
-        match t.end {
-            StrideEnd::Fell => return "fell".into(),
-            StrideEnd::NoCrossing => return "stalled".into(),
-            StrideEnd::Aborted => return "stopped by its equipment".into(),
-            StrideEnd::Crossing => {}
+        match (t.end, &t.fall) {
+            (StrideEnd::Fell | StrideEnd::NoCrossing, Some(fall)) => {
+                return format!("fell: {fall}");
+            }
+            (StrideEnd::Fell | StrideEnd::NoCrossing, None) => return "fell".into(),
+            (StrideEnd::Aborted, _) => return "stopped by its equipment".into(),
+            (StrideEnd::Crossing, _) => {}
         }
         let m = &t.measures;
         if self.task.record.walk_s.is_some() {
@@ -244,7 +246,7 @@ impl Watcher for RunProgress {
         let learning = t.phase != StridePhase::Record;
         if learning {
             self.learned += 1;
-            self.falls += usize::from(t.end != StrideEnd::Crossing);
+            self.falls += usize::from(t.fall.is_some());
         }
         let doing = match (t.phase, what) {
             (StridePhase::Collect, _) => format!("iteration {}, collecting", t.iteration),
@@ -253,10 +255,15 @@ impl Watcher for RunProgress {
         };
         let count = if learning { self.learned } else { t.k + 1 };
         let did = self.did(t);
-        self.show(
-            1,
-            format!("{doing}: stride {count}, {did}; falls {}", self.falls),
-        );
+        let line = format!("{doing}: stride {count}, {did}");
+        self.show(1, format!("{line}; falls {}", self.falls));
+        // A fall on the robot is told in a pipe as well, and at once.
+        if learning && t.fall.is_some() {
+            if self.live {
+                output::clear_status();
+            }
+            output::note(line);
+        }
     }
 
     fn trial(&mut self, iteration: usize, trial: &TrialSummary) {

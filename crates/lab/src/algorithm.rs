@@ -11,6 +11,7 @@
 
 use std::time::Instant;
 
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{ActorCritic, Learner, SavedPolicy, TrialSummary};
 use stridemap_returnmap::{
@@ -18,6 +19,7 @@ use stridemap_returnmap::{
 };
 
 use crate::error::LabError;
+use crate::fall::RobotFall;
 use crate::guard::GuardWarning;
 use crate::plant::{InPlace, Plant, PlantCounters};
 use crate::poses::{Filming, Pace, Recording};
@@ -25,7 +27,7 @@ use crate::proof::Proof;
 use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
 use crate::strides::{
-    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive, make_strides,
+    Act, ActionSource, Actor, Batch, Performance, StridePhase, StrideRole, Transition, drive,
 };
 use crate::suffices::FEWEST;
 use crate::task::Task;
@@ -66,7 +68,8 @@ pub struct Iteration {
     pub log_marginal_likelihood: Vec<f64>,
     /// The policy as evaluated on the robot to choose; `None` without evaluation strides.
     pub evaluation: Option<Performance>,
-    /// How the robot stepped in place at the start of this iteration's batch; with caution only.
+    /// How the robot stepped in place at the start of this iteration's batch; where a threshold is
+    /// relative to it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub in_place: Option<InPlace>,
     /// Spread of what the map of this iteration cannot predict of the pitch rate (leave one out; by
@@ -92,6 +95,8 @@ pub struct Iteration {
 /// What a run has come to.
 #[derive(Clone, Debug, Default)]
 pub struct Progress {
+    /// Every fall and stall on the robot, in starts and record strides as well.
+    pub falls: Vec<RobotFall>,
     /// Every training and evaluation stride, in the order in which they were made.
     pub transitions: Vec<Transition>,
     /// Strides of a batch that was broken off, aborted ones as well, on a robot that cannot repeat them.
@@ -110,6 +115,15 @@ pub struct Progress {
     pub seconds: Seconds,
     /// Time spent in all, files and figures' data included.
     pub total_seconds: f64,
+}
+
+impl Progress {
+    /// How the robot steps in place, from its first batch in this run.
+    #[must_use]
+    pub fn in_place(&self) -> InPlace {
+        let first = self.iterations.first();
+        first.and_then(|i| i.in_place).unwrap_or_default()
+    }
 }
 
 /// Who is told what happens, as it happens: writes files, shows progress.
@@ -211,6 +225,9 @@ pub struct Algorithm<'a> {
     pub progress: Progress,
     /// Strides explored under guard in the iteration that begins, and the warnings among them.
     pub(crate) explored: (usize, Vec<GuardWarning>),
+    /// Falls of the plant that are in the progress.
+    falls_noted: usize,
+    stops_falling: bool,
 }
 
 impl<'a> Algorithm<'a> {
@@ -242,7 +259,17 @@ impl<'a> Algorithm<'a> {
             plant,
             progress,
             explored: Default::default(),
+            falls_noted: 0,
+            stops_falling: true,
         }
+    }
+
+    /// The same however often the robot falls: for experiments in simulation that set learners beside one
+    /// another, those that fall as well.
+    #[must_use]
+    pub fn however_often_it_falls(mut self) -> Self {
+        self.stops_falling = false;
+        self
     }
 
     /// The robot.
@@ -266,6 +293,9 @@ impl<'a> Algorithm<'a> {
     fn run_missing_phases(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         if self.progress.nominal.is_none() {
             self.measure_nominal(recorder)?;
+        }
+        if let Some(nominal) = &self.progress.nominal {
+            self.task.failure.refuse_price(nominal.mean_reward)?;
         }
         loop {
             let (begun, improved) = (self.progress.iterations.len(), self.progress.policies.len());
@@ -349,8 +379,6 @@ impl<'a> Algorithm<'a> {
         stream_of: (Role, u64),
         recorder: &mut dyn Recorder,
     ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
-        let before = self.plant.counters();
-        let started = Instant::now();
         let mut rng = stream(self.seed, stream_of.0, stream_of.1);
         let source = match (policy, batch.phase) {
             (None, _) => ActionSource::Explore(&self.task.collect.explore),
@@ -359,16 +387,60 @@ impl<'a> Algorithm<'a> {
             }
             (Some(p), _) => ActionSource::Mean(p),
         };
-        let result = make_strides(
+        self.make(&mut Actor::new(&source), batch, what, &mut rng, recorder)
+    }
+
+    /// Makes strides by an actor and keeps the books: time, falls, warm-up.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::FallBudget`] if the robot has fallen too often; as [`drive`].
+    pub(crate) fn make(
+        &mut self,
+        actor: &mut dyn Act,
+        batch: Batch,
+        what: Option<&str>,
+        rng: &mut ChaCha8Rng,
+        recorder: &mut dyn Recorder,
+    ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
+        let (before, started) = (self.plant.counters(), Instant::now());
+        self.note_falls(batch, what, before.strides);
+        let limited = self.stops_falling && self.task.counts_falls_in(batch.phase);
+        let falls = self.progress.falls.iter();
+        let counted = falls.filter(|f| self.task.counts_falls_in(f.phase)).count();
+        let left = self.task.algorithm.falls_at_most.saturating_sub(counted);
+        self.plant.allow_falls(limited.then_some(left));
+        let made = drive(
             &mut self.plant,
-            &source,
+            actor,
             batch,
-            &mut rng,
+            rng,
             &mut |_, _| {},
-            &mut |transition| recorder.stride(transition, what),
+            &mut |t| recorder.stride(t, what),
         );
+        self.plant.allow_falls(None);
         self.progress.seconds.simulation += started.elapsed().as_secs_f64();
-        Ok((result?, self.plant.counters().since(before)))
+        self.note_falls(batch, what, before.strides);
+        let made = made?;
+        if limited {
+            self.task.check_fall_budget(&self.progress.falls)?;
+        }
+        Ok((made, self.plant.counters().since(before)))
+    }
+
+    /// Takes the plant's new falls into the progress, as those of a batch that began after some strides.
+    fn note_falls(&mut self, batch: Batch, what: Option<&str>, strides_before: usize) {
+        let new = self.plant.falls().iter().skip(self.falls_noted);
+        self.progress
+            .falls
+            .extend(new.map(|(stride, fall)| RobotFall {
+                iteration: batch.iteration,
+                phase: batch.phase,
+                what: what.map(Into::into),
+                stride: stride.map(|s| s.saturating_sub(strides_before)),
+                fall: *fall,
+            }));
+        self.falls_noted = self.plant.falls().len();
     }
 
     /// Step 2: strides for the map: exploration in the first iteration, the stochastic policy later.
@@ -407,7 +479,8 @@ impl<'a> Algorithm<'a> {
                 .reset(&mut stream(self.seed, Role::Collect, index as u64))?;
             counted = self.plant.counters().since(before);
         }
-        let cautious = self.task.caution.is_some() && self.plant.in_place().sections > 0;
+        let relative = self.task.caution.is_some() || self.task.failure.psi_roll_relative;
+        let relative = relative && self.plant.in_place().sections > 0;
         let made = transitions.len();
         self.progress.transitions.extend(transitions);
         self.progress.iterations.push(Iteration {
@@ -416,7 +489,7 @@ impl<'a> Algorithm<'a> {
             falls: counted.falls,
             stalls: counted.stalls,
             warm_up: counted.warm_up,
-            in_place: cautious.then(|| self.plant.in_place()),
+            in_place: relative.then(|| self.plant.in_place()),
             warnings: std::mem::take(&mut self.explored).1,
             ..Iteration::default()
         });
@@ -448,7 +521,8 @@ impl<'a> Algorithm<'a> {
     pub fn fit(&mut self, recorder: &mut dyn Recorder) -> Result<LearnedMap, LabError> {
         let iteration = self.progress.iterations.len();
         let started = Instant::now();
-        let map = fit_map(self.task, &self.progress.transitions, self.seed, iteration)?;
+        let (strides, in_place) = (&self.progress.transitions, self.progress.in_place());
+        let map = fit_map(self.task, strides, &in_place, self.seed, iteration)?;
         self.progress.seconds.fit += started.elapsed().as_secs_f64();
         if let Some(last) = self.progress.iterations.last_mut() {
             last.log_marginal_likelihood = map.log_marginal_likelihoods();
@@ -648,20 +722,14 @@ impl<'a> Algorithm<'a> {
         stream_index: u64,
         recorder: &mut dyn Recorder,
     ) -> Result<Vec<Transition>, LabError> {
-        let started = Instant::now();
-        let transitions = drive(
-            &mut self.plant,
-            &mut Walker::new(policy, seconds),
-            Batch {
-                strides: usize::MAX, // time ends it
-                ..batch
-            },
-            &mut stream(self.seed, Role::Record, stream_index),
-            &mut |_, _| {},
-            &mut |t| recorder.stride(t, Some(what)),
-        );
-        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
-        transitions
+        let batch = Batch {
+            strides: usize::MAX, // time ends it
+            ..batch
+        };
+        let mut rng = stream(self.seed, Role::Record, stream_index);
+        let mut walker = Walker::new(policy, seconds);
+        let made = self.make(&mut walker, batch, Some(what), &mut rng, recorder)?;
+        Ok(made.0)
     }
 
     fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
@@ -708,6 +776,7 @@ pub(crate) fn robust_std(residuals: &[f64]) -> f64 {
 }
 
 /// Fits the map of a task to strides: those with the training role that reached the next section.
+/// `in_place` says how the robot steps in place, where a relative threshold counts from.
 ///
 /// # Errors
 ///
@@ -715,6 +784,7 @@ pub(crate) fn robust_std(residuals: &[f64]) -> f64 {
 pub fn fit_map(
     task: &Task,
     transitions: &[Transition],
+    in_place: &InPlace,
     seed: u64,
     iteration: usize,
 ) -> Result<LearnedMap, LabError> {
@@ -741,7 +811,7 @@ pub fn fit_map(
     let world = MapWorld {
         spec: task.process_spec()?,
         limits: task.action_limits()?,
-        failure: task.map_failure(),
+        failure: task.failure.in_map(&task.state, in_place),
         reward: from_state.then(|| {
             let f = move |x: &[f64]| reward_of_state(&terms, &components, x).unwrap_or(0.0);
             std::sync::Arc::new(f) as StateReward

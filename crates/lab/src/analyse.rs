@@ -4,8 +4,9 @@
 use serde::{Deserialize, Serialize};
 use stridemap_returnmap::{Kick, MapDraw, MapInput, StrideEnd, decay_after_kick};
 
-use crate::algorithm::fit_map;
+use crate::algorithm::{Progress, fit_map};
 use crate::error::{Invalid, LabError};
+use crate::plant::InPlace;
 use crate::proof::Proof;
 use crate::reward::StateComponent;
 use crate::seed::{Role, stream};
@@ -89,7 +90,7 @@ fn residuals(
             .filter(|(i, _)| i % FOLDS != fold)
             .map(|(_, t)| (*t).clone())
             .collect();
-        let map = fit_map(task, &train, seed, 0)?;
+        let map = fit_map(task, &train, &InPlace::default(), seed, 0)?;
         for t in transitions.iter().skip(fold).step_by(FOLDS) {
             let (means, _) = map.predict(&t.state, &t.action, &t.last_action)?;
             all.push(t.next_state[component] - means[component]);
@@ -194,7 +195,7 @@ fn walked_actions(proofs: &[&Proof]) -> Vec<Vec<f64>> {
 /// robot walks; those at which it falls are among the answers.
 fn flips(
     task: &Task,
-    transitions: &[Transition],
+    progress: &Progress,
     actions: Vec<Vec<f64>>,
     seed: u64,
 ) -> Result<Vec<Flip>, LabError> {
@@ -208,7 +209,8 @@ fn flips(
     free.map.draw = MapDraw::Mean;
     let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
     let watched = pitch_rate(task)?;
-    let mut map = fit_map(&free, transitions, seed, 0)?;
+    let in_place = progress.in_place();
+    let mut map = fit_map(&free, &progress.transitions, &in_place, seed, 0)?;
     let mut robot = free.plant()?;
     let rng = stream(seed, Role::Check, 3);
     let mut found: Vec<Flip> = Vec::new();
@@ -238,14 +240,10 @@ fn flips(
 /// # Errors
 ///
 /// [`LabError`] of the room at fault.
-pub fn analyse(
-    task: &Task,
-    transitions: &[Transition],
-    proofs: &[&Proof],
-    seed: u64,
-) -> Result<Analysis, LabError> {
+pub fn analyse(task: &Task, progress: &Progress, seed: u64) -> Result<Analysis, LabError> {
+    let walked = walked_actions(&progress.proofs());
     Ok(Analysis {
-        pitch_rate_residual_deg_s: held_out(task, transitions, seed)?,
-        flips: flips(task, transitions, walked_actions(proofs), seed)?,
+        pitch_rate_residual_deg_s: held_out(task, &progress.transitions, seed)?,
+        flips: flips(task, progress, walked, seed)?,
     })
 }

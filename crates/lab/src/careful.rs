@@ -1,14 +1,13 @@
 //! Algorithm 1 with caution: policies are proposed within a trust region and proven on the robot.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_learn::{
     ActorCritic, ConstantPolicy, Learner, SavedPolicy, SearchConfig, SearchLearner, TrialSummary,
 };
 use stridemap_returnmap::{
-    ActionLimits, LearnedMap, MapFailure, ProcessSpec, StateReward, StrideEnd, StrideProcess,
+    ActionLimits, LearnedMap, ProcessSpec, StateReward, StrideEnd, StrideProcess,
 };
 
 use crate::algorithm::{Algorithm, Recorder};
@@ -24,9 +23,7 @@ use crate::plant::{InPlace, PlantCounters};
 use crate::proof::{Proof, Prover, Verdict, shrunk};
 use crate::reward::{StateComponent, reward_of_state};
 use crate::seed::{Role, stream};
-use crate::strides::{
-    ActionSource, Batch, Performance, StridePhase, StrideRole, Transition, drive,
-};
+use crate::strides::{ActionSource, Batch, Performance, StridePhase, StrideRole, Transition};
 use crate::task::{LearnerKind, Task};
 use crate::trust::Region;
 
@@ -62,19 +59,10 @@ fn cautious_world(
     let position = |c| task.state.iter().position(|s| *s == c);
     let psi_roll = position(StateComponent::PsiRollDeg);
     let bound = in_place.psi_roll_deg - caution.pessimism.psi_roll_below_in_place_deg;
-    let relative = if task.failure.psi_roll_relative {
-        in_place.psi_roll_deg
-    } else {
-        0.0
-    };
     Ok(CautiousWorld {
         spec,
         limits: task.action_limits()?,
-        failure: MapFailure {
-            component: psi_roll,
-            below: relative + task.failure.psi_roll_below_deg,
-            reward: task.failure.reward,
-        },
+        failure: task.failure.in_map(&task.state, &in_place),
         reward: from_state.then(|| {
             let f = move |x: &[f64]| reward_of_state(&terms, &components, x).unwrap_or(0.0);
             Arc::new(f) as StateReward
@@ -109,12 +97,6 @@ fn fed_back(
 }
 
 impl Algorithm<'_> {
-    /// How the robot steps in place, from its first start in this run.
-    fn in_place(&self) -> InPlace {
-        let first = self.progress.iterations.first();
-        first.and_then(|i| i.in_place).unwrap_or_default()
-    }
-
     /// Strides of the budget that are left; without a budget there is no end.
     pub(crate) fn strides_left(&self) -> usize {
         let made: usize = self.progress.iterations.iter().map(|i| i.strides).sum();
@@ -131,7 +113,6 @@ impl Algorithm<'_> {
         recorder: &mut dyn Recorder,
     ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
         let before = self.plant.counters();
-        let started = Instant::now();
         let mut rng = stream(self.seed, Role::Collect, stream_index);
         let limits = self.task.action_limits()?;
         // A start of its own tells how the robot steps in place; the batch starts afresh.
@@ -161,16 +142,7 @@ impl Algorithm<'_> {
             limits.iter().map(|l| l.neutral).collect(),
             caution.proof.back_off_strides,
         );
-        let made = drive(
-            &mut self.plant,
-            &mut explorer,
-            batch,
-            &mut rng,
-            &mut |_, _| {},
-            &mut |t| recorder.stride(t, None),
-        );
-        self.progress.seconds.simulation += started.elapsed().as_secs_f64();
-        let made = made?;
+        let (made, _) = self.make(&mut explorer, batch, None, &mut rng, recorder)?;
         let before_these = self.explored.0;
         let warnings = explorer
             .warnings()
@@ -247,7 +219,7 @@ impl Algorithm<'_> {
                 for (d, component) in within.action.iter_mut().enumerate() {
                     (component.lower, component.upper) = (region.lower[d], region.upper[d]);
                 }
-                let world = cautious_world(task, caution, self.in_place(), within)?;
+                let world = cautious_world(task, caution, self.progress.in_place(), within)?;
                 let mut process = CautiousMap::new(map, caution.pessimism, world)?;
                 let mut config = task.learner.actor_critic.clone();
                 if let (true, Some(trials)) = (iteration > 1, task.learner.later_trials) {
@@ -263,7 +235,7 @@ impl Algorithm<'_> {
             }
             (LearnerKind::Search, Some(map)) => {
                 let settings = task.search()?;
-                let world = cautious_world(task, caution, self.in_place(), spec.clone())?;
+                let world = cautious_world(task, caution, self.progress.in_place(), spec.clone())?;
                 let mut process = CautiousMap::new(map, caution.pessimism, world)?;
                 let config = SearchConfig {
                     generations: settings.generations,
@@ -311,7 +283,7 @@ impl Algorithm<'_> {
         let residual = self.progress.iterations[index]
             .pitch_rate_residual_deg_s
             .unwrap_or(0.0);
-        let thresholds = caution.guard.thresholds(self.in_place(), residual);
+        let thresholds = caution.guard.thresholds(self.progress.in_place(), residual);
         let limits = self.task.action_limits()?;
         let neutral: Vec<f64> = limits.iter().map(|l| l.neutral).collect();
         let proofs: Vec<Proof> = self.progress.proofs().into_iter().cloned().collect();
@@ -345,29 +317,18 @@ impl Algorithm<'_> {
                 &[]
             };
             let mut prover = Prover::new(config, guard, dither, &policy, &fallback, beat_m_s);
-            let before = self.plant.counters();
-            let started = Instant::now();
-            let made = drive(
-                &mut self.plant,
-                &mut prover,
-                batch,
-                &mut rng,
-                &mut |_, _| {},
-                &mut |t| recorder.stride(t, None),
-            );
-            self.progress.seconds.simulation += started.elapsed().as_secs_f64();
+            let (made, counted) = self.make(&mut prover, batch, None, &mut rng, recorder)?;
             proof = prover.proof();
             let warned = proof.warning.map(|warning| GuardWarning {
                 stride: made_before + all.len() + proof.strides,
                 warning,
             });
-            let counted = self.plant.counters().since(before);
             let iteration = &mut self.progress.iterations[index];
             iteration.falls += counted.falls;
             iteration.stalls += counted.stalls;
             iteration.warm_up += counted.warm_up;
             iteration.warnings.extend(warned);
-            all.extend(made?);
+            all.extend(made);
             let bad = matches!(proof.verdict, Verdict::Warned | Verdict::Fell);
             let enough = self.strides_left() > all.len() + config.trial_strides;
             if best.is_none() && bad && attempts < config.attempts && enough {

@@ -3,16 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
-use stridemap_returnmap::{ProcessError, StrideEnd};
+use stridemap_returnmap::StrideEnd;
 use stridemap_robot::{Robot, Side};
 
 use crate::error::LabError;
+use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
 use crate::seed::{Role, stream};
 use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, make_strides};
 use crate::task::{ExploreConfig, Task};
 
-/// How long the nominal gait must step.
-const NOMINAL_S: f64 = 20.0;
 /// Strides with random actions to see whether the action moves the map.
 const EXCITED_STRIDES: usize = 40;
 /// ... or so many for each component of the action, if that is more.
@@ -56,6 +55,10 @@ pub struct CheckReport {
     pub joints: Vec<JointReport>,
     /// How the actions move the section map.
     pub gains: Vec<Gain>,
+    /// Why the task is refused, where a threshold or price of its falls does not fit the robot: `learn`
+    /// refuses it as well.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
 }
 
 impl CheckReport {
@@ -82,6 +85,7 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         items: Vec::new(),
         joints: Vec::new(),
         gains: Vec::new(),
+        refused: None,
     };
 
     let mut robot = MujocoRobot::new(task.robot.clone())?;
@@ -107,7 +111,8 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
     let joints_ok = report.item("joints", problems.is_empty(), found);
 
     let rest = task.robot.rest_targets();
-    robot.reset(&rest, &mut stream(seed, Role::Check, 0))?;
+    let start = robot.reset(&rest, &mut stream(seed, Role::Check, 0))?;
+    let first_height_m = start.com.position_m[2];
     let stand_s = 1.0;
     let ticks = (stand_s / task.robot.control_period_s).ceil() as usize;
     for _ in 0..ticks {
@@ -123,7 +128,7 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
             .sum::<f64>()
             .sqrt();
     let carried_n: f64 = state.feet.iter().map(|f| f.load_n).sum();
-    let stands = state.base.tilt_rad().to_degrees() < task.failure.tilt_above_deg
+    let stands = DOWN.of_body(state, first_height_m).is_none()
         && (carried_n - weight_n).abs() < 0.1 * weight_n
         && Side::BOTH
             .iter()
@@ -149,85 +154,44 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
 /// What to try where the nominal gait does not carry the robot.
 const TRY: &str = "try other amplitudes, rest posture or servo gains";
 
-/// An error of the plant as `check` says it: not by sending the user to `check`.
-fn in_check(error: &ProcessError) -> String {
-    if let ProcessError::World(cause) = error
-        && let Some(LabError::NominalGaitFails { attempts, time_s }) = cause.downcast_ref()
-    {
-        return format!("fell or stalled in {attempts} starts (the last at {time_s:.1} s); {TRY}");
-    }
-    error.to_string()
-}
-
-/// The nominal gait steps, and every step shows a section.
+/// The nominal gait steps, every step shows a section, and the task's thresholds and prices fit it.
 fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<bool, LabError> {
-    let mut plant = task.plant()?;
-    let neutral = ExploreConfig {
-        center: task
-            .action_limits()?
-            .iter()
-            .map(|l| [l.neutral; 2])
-            .collect(),
-        std: vec![0.0; task.action.len()],
-        hold: 1,
-    };
-    let mut rng = stream(seed, Role::Check, 1);
-    let mut strides = 0;
-    let mut fallen = None;
-    let mut stances = [0_usize; 2];
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: 1000,
-    };
-    let result = make_strides(
-        &mut plant,
-        &ActionSource::Explore(&neutral),
-        batch,
-        &mut rng,
-        &mut |_, _| {},
-        &mut |t| {
-            if t.end != StrideEnd::Crossing {
-                fallen = Some((t.time_s, t.end));
-            } else {
-                strides += 1;
-                if let Some(stance) = t.stance {
-                    stances[stance.index()] += 1;
-                }
-            }
-            // Enough is seen: leave the batch, which is no error here.
-            if fallen.is_some() || t.time_s >= NOMINAL_S {
-                return Err(LabError::TooFewStrides {
-                    found: strides,
-                    needed: 0,
-                });
-            }
-            Ok(())
-        },
-    );
-    match result {
-        Ok(_) | Err(LabError::TooFewStrides { .. }) => {}
+    let gait = match nominal_gait(task, seed) {
+        Ok(gait) => gait,
+        Err(LabError::NominalGaitFails { time_s, fall, .. }) => {
+            let found = format!("falls in its start, after {time_s:.1} s: {fall}; {TRY}");
+            report.item("nominal gait", false, found);
+            return Ok(false);
+        }
         Err(LabError::Process(error)) => {
-            report.item("nominal gait", false, in_check(&error));
+            report.item("nominal gait", false, error.to_string());
             return Ok(false);
         }
         Err(error) => return Err(error),
-    }
-    let found = match fallen {
-        None => format!("steps for {NOMINAL_S} s"),
-        Some((time_s, end)) => format!("{} after {time_s:.1} s; {TRY}", end.name()),
     };
-    if !report.item("nominal gait", fallen.is_none(), found) {
+    let found = match &gait.fell {
+        None => format!("steps for {NOMINAL_S} s"),
+        Some((time_s, fall)) => format!("falls after {time_s:.1} s: {fall}; {TRY}"),
+    };
+    if !report.item("nominal gait", gait.fell.is_none(), found) {
         return Ok(false);
     }
-    let [left, right] = stances;
-    let both = left > 0 && right > 0 && left.abs_diff(right) <= 1 + strides / 10;
-    Ok(report.item(
-        "sections",
-        both,
-        format!("{strides} strides, {left} from the left leg and {right} from the right"),
-    ))
+    let [left, right] = gait.stances;
+    let both = left > 0 && right > 0 && left.abs_diff(right) <= 1 + gait.strides / 10;
+    let found = format!(
+        "{} strides, {left} from the left leg and {right} from the right",
+        gait.strides
+    );
+    let both = report.item("sections", both, found);
+    report.refused = gait.refuse(&task.failure).err().map(|e| e.to_string());
+    let found = report.refused.clone().unwrap_or_else(|| {
+        format!(
+            "the nominal gait stays within the thresholds; a stride of it earns {:.3}, a fall {}",
+            gait.mean_reward, task.failure.reward
+        )
+    });
+    let priced = report.item("falls", report.refused.is_none(), found);
+    Ok(both && priced)
 }
 
 /// Random actions move the next state: rank and gain of a linear fit.
@@ -272,7 +236,7 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
     let transitions = match transitions {
         Ok(transitions) => transitions,
         Err(LabError::Process(error)) => {
-            report.item("section map", false, in_check(&error));
+            report.item("section map", false, error.to_string());
             return Ok(());
         }
         Err(error) => return Err(error),

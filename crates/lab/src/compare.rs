@@ -169,7 +169,7 @@ fn measure(
 ///
 /// [`LabError`] of the room at fault.
 pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
-    let mut algorithm = Algorithm::new(task, seed)?;
+    let mut algorithm = Algorithm::new(task, seed)?.however_often_it_falls();
     algorithm.collect(&mut NoRecorder)?;
     let mut map = algorithm.fit(&mut NoRecorder)?;
     let Iteration {

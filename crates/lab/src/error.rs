@@ -10,6 +10,7 @@ use stridemap_robot::RobotError;
 use stridemap_section::SectionError;
 
 use crate::config::ConfigError;
+use crate::fall::{Fall, RobotFall};
 
 /// A value of a task that its type allows and its meaning does not.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -67,7 +68,7 @@ pub enum LabError {
     Analysis(#[from] AnalysisError),
     /// The nominal gait does not carry this robot.
     #[error(
-        "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s); \
+        "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s: {fall}); \
          `stridemap check TASK` shows what is wrong with robot, gait or joint map"
     )]
     NominalGaitFails {
@@ -75,6 +76,21 @@ pub enum LabError {
         attempts: usize,
         /// Robot time of the last failure.
         time_s: f64,
+        /// Why it was one.
+        fall: Fall,
+    },
+    /// The robot fell more often than the task allows.
+    #[error(
+        "{} falls on the robot where algorithm.falls_at_most allows {at_most}: {}; every stride is kept, \
+         `stridemap learn --resume RUN --set algorithm.falls_at_most=N` goes on",
+        falls.len(),
+        falls.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    )]
+    FallBudget {
+        /// Falls that the task allows.
+        at_most: usize,
+        /// Every fall that counts.
+        falls: Vec<RobotFall>,
     },
     /// The equipment fails again and again.
     #[error("{aborts} strides in a row were aborted: {reason}")]

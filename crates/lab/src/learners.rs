@@ -39,7 +39,7 @@ pub fn run_learner(task: &Task, kind: LearnerKind, seed: u64) -> Result<Summary,
     let mut task = task.clone();
     task.learner.kind = kind;
     task.validate()?;
-    let mut algorithm = Algorithm::new(&task, seed)?;
+    let mut algorithm = Algorithm::new(&task, seed)?.however_often_it_falls();
     algorithm.learn(&mut NoRecorder)?;
     Ok(Summary::of(&task, seed, &algorithm.progress))
 }

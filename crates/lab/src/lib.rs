@@ -26,6 +26,7 @@ mod compare;
 pub mod config;
 mod controls;
 mod error;
+mod fall;
 mod feedback;
 mod guard;
 mod guarded;
@@ -33,6 +34,7 @@ mod integral;
 mod learners;
 mod mean_roll;
 mod measure;
+mod nominal;
 mod numbers;
 mod pessimism;
 mod plant;
@@ -66,6 +68,7 @@ pub use compare::{
 };
 pub use controls::ControlsConfig;
 pub use error::{Invalid, LabError};
+pub use fall::{FailureConfig, Fall, FallCriterion, RobotFall};
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
 pub use guarded::GuardedExplorer;
@@ -73,10 +76,10 @@ pub use integral::{IntegralAction, IntegralConfig};
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::{StrideMeasures, StrideMeter};
+pub use nominal::{NominalGait, nominal_gait};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
 pub use plant::{
-    FailureConfig, InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver,
-    TickObserver,
+    InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver,
 };
 pub use poses::{Pace, PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};

@@ -159,9 +159,7 @@ impl StrideProcess for CautiousMap<'_> {
             next_state.push(drawn.clamp(low, high));
         }
         let failure = self.world.failure;
-        let fell = failure
-            .component
-            .is_some_and(|c| next_state[c] < failure.below);
+        let fell = failure.fell(&next_state);
         let mut reward = if fell {
             failure.reward
         } else {

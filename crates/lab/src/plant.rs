@@ -19,34 +19,11 @@ use stridemap_robot::{Robot, RobotError, RobotState, Side};
 use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 
 use crate::error::LabError;
+use crate::fall::{FailureConfig, Fall};
 use crate::measure::{StrideMeasures, StrideMeter, wrapped_rad};
 use crate::reward::{RewardTerm, StateComponent, reward};
 use crate::strides::{Batch, Transition};
 use crate::truth::TrueWay;
-
-/// When a stride counts as a fall or a stall, and what that costs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FailureConfig {
-    /// Reward of a fall or a stall.
-    pub reward: f64,
-    /// A section with `ψ_roll` below this is a fall (the mass hangs over the outer side).
-    pub psi_roll_below_deg: f64,
-    /// Whether `psi_roll_below_deg` counts from the robot's own mean `ψ_roll` when it steps in place
-    /// (over its warm-up strides), so that it means the same on a heavier robot.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub psi_roll_relative: bool,
-    /// A centre of mass below this share of its first height is a fall.
-    pub com_height_below: f64,
-    /// A base tilted by more than this is a fall.
-    pub tilt_above_deg: f64,
-    /// No section for this long is a stall.
-    pub no_section_s: f64,
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
-}
 
 /// One modulation of the gait as a component of the action.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,8 +132,8 @@ pub trait StrideObserver: Send {
     fn action(&mut self, action: &[f64]);
     /// A section was found.
     fn section(&mut self, crossing: &Crossing);
-    /// A stride, or a start that did not come to a section, ended like this.
-    fn ended(&mut self, _end: StrideEnd) {}
+    /// A stride, or a start that did not come to a section, ended like this, and why if it was a fall.
+    fn ended(&mut self, _end: StrideEnd, _fall: Option<&Fall>) {}
 }
 
 /// The robot as a [`StrideProcess`].
@@ -173,6 +150,7 @@ pub struct Plant {
     first_com_height_m: f64,
     in_place: InPlace,
     last_measures: StrideMeasures,
+    last_fall: Option<Fall>,
     pending_push: Option<Push>,
     push_until_s: Option<f64>,
     push_force_n: Option<[f64; 3]>,
@@ -182,13 +160,14 @@ pub struct Plant {
     true_way: TrueWay,
     log: Option<Box<dyn StrideObserver>>,
     recalled: VecDeque<Transition>,
+    falls: Vec<(Option<usize>, Fall)>,
+    falls_at_most: Option<usize>,
 }
 
 /// How running to the next section went.
 enum Outcome {
     Crossing(Crossing),
-    Fell,
-    NoCrossing,
+    Fell(Fall),
 }
 
 /// Nominal starts that may fail before the robot is given up.
@@ -222,6 +201,7 @@ impl Plant {
             first_com_height_m: 0.0,
             in_place: InPlace::default(),
             last_measures: StrideMeasures::default(),
+            last_fall: None,
             pending_push: None,
             push_until_s: None,
             push_force_n: None,
@@ -231,6 +211,8 @@ impl Plant {
             true_way: TrueWay::default(),
             log: None,
             recalled: VecDeque::new(),
+            falls: Vec::new(),
+            falls_at_most: None,
         })
     }
 
@@ -247,7 +229,7 @@ impl Plant {
             |t: &mut Transition| (t.iteration, t.phase) == (batch.iteration, batch.phase);
         let stride = self.recalled.pop_front_if(of_batch)?;
         self.counters.strides += 1;
-        self.count_end(stride.end);
+        self.count_end(stride.end, stride.fall.as_ref(), true);
         Some(stride)
     }
 
@@ -263,22 +245,34 @@ impl Plant {
         &self.last_measures
     }
 
+    /// Why the last stride was a fall or a stall, if it was.
+    #[must_use]
+    pub const fn last_fall(&self) -> Option<Fall> {
+        self.last_fall
+    }
+
     /// How the robot stepped in place at its last start.
     #[must_use]
     pub const fn in_place(&self) -> InPlace {
         self.in_place
     }
 
-    /// `ψ_roll` at a section below which the robot counts as fallen; none while a relative threshold
-    /// has nothing to be relative to.
+    /// Every fall and stall since the plant was built, and the stride in which it was, from 1; `None`
+    /// in a start.
     #[must_use]
-    pub fn least_psi_roll_deg(&self) -> f64 {
-        let failure = &self.task.failure;
-        match (failure.psi_roll_relative, self.in_place.sections) {
-            (false, _) => failure.psi_roll_below_deg,
-            (true, 0) => f64::NEG_INFINITY,
-            (true, _) => self.in_place.psi_roll_deg + failure.psi_roll_below_deg,
-        }
+    pub fn falls(&self) -> &[(Option<usize>, Fall)] {
+        &self.falls
+    }
+
+    /// Sets how many more falls a batch may have before it ends; `None`: any number.
+    pub(crate) fn allow_falls(&mut self, at_most: Option<usize>) {
+        self.falls_at_most = at_most.map(|more| self.falls.len() + more);
+    }
+
+    /// Whether there were more falls than are allowed.
+    pub(crate) fn has_fallen_too_often(&self) -> bool {
+        self.falls_at_most
+            .is_some_and(|most| self.falls.len() > most)
     }
 
     /// Why the last stride was aborted, if it was.
@@ -386,31 +380,24 @@ impl Plant {
         Ok(())
     }
 
-    fn has_fallen(&self) -> bool {
-        let state = self.robot.state();
-        let failure = &self.task.failure;
-        state.com.position_m[2] < failure.com_height_below * self.first_com_height_m
-            || state.base.tilt_rad() > failure.tilt_above_deg.to_radians()
-    }
-
     /// Runs until the next section, a fall or a stall.
     fn run_to_section(&mut self) -> Result<Outcome, RobotError> {
         let start_s = self.robot_time_s();
+        let failure = self.task.failure;
         loop {
             let crossing = self.tick()?;
-            if self.has_fallen() {
-                return Ok(Outcome::Fell);
+            if let Some(fall) = failure.of_body(self.robot.state(), self.first_com_height_m) {
+                return Ok(Outcome::Fell(fall));
             }
             if let Some(crossing) = crossing {
                 let roll_deg = crossing.pendulum.roll_rad.to_degrees();
-                return Ok(if roll_deg < self.least_psi_roll_deg() {
-                    Outcome::Fell
-                } else {
-                    Outcome::Crossing(crossing)
+                return Ok(match failure.of_section(roll_deg, &self.in_place) {
+                    Some(fall) => Outcome::Fell(fall),
+                    None => Outcome::Crossing(crossing),
                 });
             }
-            if self.robot_time_s() - start_s > self.task.failure.no_section_s {
-                return Ok(Outcome::NoCrossing);
+            if let Some(stall) = failure.of_wait(self.robot_time_s() - start_s) {
+                return Ok(Outcome::Fell(stall));
             }
         }
     }
@@ -432,23 +419,25 @@ impl Plant {
             .collect()
     }
 
-    fn count_end(&mut self, end: StrideEnd) {
+    fn count_end(&mut self, end: StrideEnd, fall: Option<&Fall>, in_stride: bool) {
         match end {
             StrideEnd::Fell => self.counters.falls += 1,
             StrideEnd::NoCrossing => self.counters.stalls += 1,
             StrideEnd::Crossing | StrideEnd::Aborted => {}
         }
+        let stride = in_stride.then_some(self.counters.strides);
+        self.falls.extend(fall.map(|fall| (stride, *fall)));
     }
 
-    fn tell_end(&mut self, end: StrideEnd) {
-        self.count_end(end);
+    fn tell_end(&mut self, end: StrideEnd, fall: Option<&Fall>, in_stride: bool) {
+        self.count_end(end, fall, in_stride);
         if let Some(log) = &mut self.log {
-            log.ended(end);
+            log.ended(end, fall);
         }
     }
 
-    /// One nominal start: reset, start-up, warm-up strides. `None` if the robot fell or stalled.
-    fn start(&mut self, rng: &mut ChaCha8Rng) -> Result<Option<State>, RobotError> {
+    /// One nominal start: reset, start-up, warm-up strides. A fall or a stall if it did not get so far.
+    fn start(&mut self, rng: &mut ChaCha8Rng) -> Result<Result<State, Fall>, RobotError> {
         self.gait.reset();
         self.detector.reset();
         self.law.reset();
@@ -478,15 +467,11 @@ impl Plant {
                     self.meter.begin_episode(self.robot.state());
                     self.true_way.begin_episode(self.robot.true_state());
                     let measures = self.measured(Some(&crossing.pendulum));
-                    return Ok(Some(self.state_of(&measures)));
+                    return Ok(Ok(self.state_of(&measures)));
                 }
-                Outcome::Fell => {
-                    self.tell_end(StrideEnd::Fell);
-                    return Ok(None);
-                }
-                Outcome::NoCrossing => {
-                    self.tell_end(StrideEnd::NoCrossing);
-                    return Ok(None);
+                Outcome::Fell(fall) => {
+                    self.tell_end(fall.criterion.end(), Some(&fall), false);
+                    return Ok(Err(fall));
                 }
             }
         }
@@ -504,16 +489,24 @@ impl StrideProcess for Plant {
 
     fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
         self.at_section = false;
-        for _ in 0..START_ATTEMPTS {
-            if let Some(state) = self.start(rng).map_err(world)? {
-                self.at_section = true;
-                return Ok(state);
+        let mut attempts = 0;
+        loop {
+            attempts += 1;
+            match self.start(rng).map_err(world)? {
+                Ok(state) => {
+                    self.at_section = true;
+                    return Ok(state);
+                }
+                Err(fall) if attempts == START_ATTEMPTS => {
+                    return Err(world(LabError::NominalGaitFails {
+                        attempts,
+                        time_s: self.robot_time_s(),
+                        fall,
+                    }));
+                }
+                Err(_) => {}
             }
         }
-        Err(world(LabError::NominalGaitFails {
-            attempts: START_ATTEMPTS,
-            time_s: self.robot_time_s(),
-        }))
     }
 
     fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
@@ -532,17 +525,21 @@ impl StrideProcess for Plant {
         self.meter.begin_stride(self.robot.state());
         self.true_way.begin_stride(self.robot.true_state());
         self.counters.strides += 1;
+        let mut fall = None;
         let (end, pendulum) = match self.run_to_section() {
             Ok(Outcome::Crossing(crossing)) => (StrideEnd::Crossing, Some(crossing.pendulum)),
-            Ok(Outcome::Fell) => (StrideEnd::Fell, self.detector.pendulum()),
-            Ok(Outcome::NoCrossing) => (StrideEnd::NoCrossing, self.detector.pendulum()),
+            Ok(Outcome::Fell(cause)) => {
+                fall = Some(cause);
+                (cause.criterion.end(), self.detector.pendulum())
+            }
             Err(error) => {
                 self.abort_reason = Some(error);
                 (StrideEnd::Aborted, self.detector.pendulum())
             }
         };
         self.at_section = end == StrideEnd::Crossing;
-        self.tell_end(end);
+        self.tell_end(end, fall.as_ref(), true);
+        self.last_fall = fall;
         let measures = self.measured(pendulum.as_ref());
         self.last_measures = measures;
         Ok(Stride {

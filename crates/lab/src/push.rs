@@ -6,6 +6,7 @@ use stridemap_learn::Policy;
 use stridemap_returnmap::StrideEnd;
 
 use crate::error::LabError;
+use crate::fall::Fall;
 use crate::plant::{Plant, Push};
 use crate::return_line::ReturnMapLine;
 use crate::seed::{Role, stream};
@@ -79,6 +80,9 @@ pub struct PushOutcome {
     pub after_1: Option<ReturnMapLine>,
     /// Falls, all of them; pairs with a fall in them are left out.
     pub falls: usize,
+    /// The causes of falls and stalls, those of starts as well.
+    #[serde(default)]
+    pub causes: Vec<Fall>,
     /// Pairs behind the line.
     pub pairs: usize,
     /// Strides made.
@@ -124,6 +128,7 @@ pub fn push(
         role: StrideRole::Record,
         strides: SETTLE + config.strides,
     };
+    let fell_before = plant.falls().len();
     let transitions = make_strides(
         plant,
         &ActionSource::Mean(policy),
@@ -180,6 +185,7 @@ pub fn push(
             .iter()
             .filter(|t| t.end == StrideEnd::Fell)
             .count(),
+        causes: plant.falls()[fell_before..].iter().map(|f| f.1).collect(),
         pairs: data.len(),
         strides: config.strides,
         force_n: config.force_n,

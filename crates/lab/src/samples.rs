@@ -101,7 +101,8 @@ impl Algorithm<'_> {
             let good = if all.is_empty() {
                 false
             } else {
-                let map = fit_map(self.task, &all, self.seed, batch.iteration)?;
+                let in_place = self.plant.in_place();
+                let map = fit_map(self.task, &all, &in_place, self.seed, batch.iteration)?;
                 unseen_error(&map, &made)? < error
             };
             all.extend(made);
@@ -123,6 +124,7 @@ mod tests {
     use super::*;
     use crate::algorithm::NoRecorder;
     use crate::builtin;
+    use crate::plant::InPlace;
 
     /// A map knows the strides that it was learned from; when every other one is told the next one's
     /// outcome, it errs by about as much as the data are spread.
@@ -136,7 +138,7 @@ mod tests {
         let mut algorithm = Algorithm::new(&task, 1).unwrap();
         algorithm.collect(&mut NoRecorder).unwrap();
         let strides = algorithm.progress.transitions.clone();
-        let map = fit_map(&task, &strides, 1, 1).unwrap();
+        let map = fit_map(&task, &strides, &InPlace::default(), 1, 1).unwrap();
         let right = unseen_error(&map, &strides).unwrap();
         let mut wrong = strides.clone();
         for pair in wrong.chunks_exact_mut(2) {

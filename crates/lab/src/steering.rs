@@ -153,7 +153,7 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     };
     let mut rows = Vec::new();
 
-    let mut algorithm = Algorithm::new(task, seed)?;
+    let mut algorithm = Algorithm::new(task, seed)?.however_often_it_falls();
     algorithm.learn(&mut NoRecorder)?;
     let progress = &algorithm.progress;
     let made = |n: usize| {

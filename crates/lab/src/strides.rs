@@ -10,6 +10,7 @@ use stridemap_robot::Side;
 
 use crate::compare::Spread;
 use crate::error::LabError;
+use crate::fall::Fall;
 use crate::integral::IntegralAction;
 use crate::measure::StrideMeasures;
 use crate::plant::Plant;
@@ -94,6 +95,8 @@ pub struct Transition {
     pub reward: f64,
     /// How it ended.
     pub end: StrideEnd,
+    /// Why, if it was a fall or a stall; unknown in tables of earlier versions.
+    pub fall: Option<Fall>,
     /// What was measured of it.
     pub measures: StrideMeasures,
     /// `ψ_roll` at its end as a simulator knows it, where the robot only estimates it. Not in files.
@@ -231,7 +234,7 @@ pub fn make_strides(
 }
 
 /// Makes strides as [`make_strides`] does, by an actor that sees how each one ended and may end the
-/// batch before it is full.
+/// batch before it is full. It ends as well when the robot has fallen more often than it may.
 ///
 /// # Errors
 ///
@@ -262,7 +265,7 @@ pub fn drive(
             }
         }
     }
-    while transitions.len() < batch.strides {
+    while transitions.len() < batch.strides && !plant.has_fallen_too_often() {
         let from = match state.take() {
             Some(state) => state,
             None => plant.reset(rng)?,
@@ -285,6 +288,7 @@ pub fn drive(
             next_state: stride.next_state,
             reward: stride.reward,
             end: stride.end,
+            fall: plant.last_fall(),
             measures: *plant.last_measures(),
             true_psi_roll_deg: plant.true_psi_roll_deg(),
             true_forward_m: plant.true_forward_m(),

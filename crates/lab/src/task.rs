@@ -4,19 +4,19 @@ use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
 use stridemap_learn::{ActorCriticConfig, ConstantPolicy, SavedPolicy};
 use stridemap_mujoco::MujocoConfig;
-use stridemap_returnmap::{
-    ActionDimension, ActionLimits, MapConfig, MapFailure, ProcessSpec, StateDimension,
-};
+use stridemap_returnmap::{ActionDimension, ActionLimits, MapConfig, ProcessSpec, StateDimension};
 use stridemap_robot::{Robot, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::caution::CautionConfig;
 use crate::controls::ControlsConfig;
 use crate::error::{Invalid, LabError};
+use crate::fall::{FailureConfig, RobotFall};
 use crate::feedback::JacobianFeedbackConfig;
 use crate::integral::IntegralConfig;
-use crate::plant::{FailureConfig, Plant, PlantAction, PlantTask};
+use crate::plant::{Plant, PlantAction, PlantTask};
 use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
+use crate::strides::StridePhase;
 use crate::success::SuccessConfig;
 use crate::walk::WalkTimes;
 
@@ -184,6 +184,14 @@ pub struct AlgorithmConfig {
     /// Left out: as many as the iterations make.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strides_at_most: Option<usize>,
+    /// Most falls and stalls on the robot in a run; the next one ends it. Those of training and evaluation
+    /// strides and of their starts count; on a robot behind a link those of record strides as well.
+    #[serde(default = "falls_at_most")]
+    pub falls_at_most: usize,
+}
+
+const fn falls_at_most() -> usize {
+    3
 }
 
 /// Strides run only to report.
@@ -773,17 +781,26 @@ impl Task {
         }
     }
 
-    /// When a next state in the map is a fall: the part of the failure that a state shows.
+    /// Whether falls in this phase count towards `algorithm.falls_at_most`: in simulation those of record
+    /// strides, which only report, do not.
     #[must_use]
-    pub fn map_failure(&self) -> MapFailure {
-        MapFailure {
-            component: self
-                .state
-                .iter()
-                .position(|c| *c == StateComponent::PsiRollDeg),
-            below: self.failure.psi_roll_below_deg,
-            reward: self.failure.reward,
+    pub fn counts_falls_in(&self, phase: StridePhase) -> bool {
+        self.link.is_some() || phase != StridePhase::Record
+    }
+
+    /// Refuses to go on after more falls than the task allows.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::FallBudget`] with every fall that counts.
+    pub fn check_fall_budget(&self, falls: &[RobotFall]) -> Result<(), LabError> {
+        let counted = falls.iter().filter(|f| self.counts_falls_in(f.phase));
+        let falls: Vec<RobotFall> = counted.cloned().collect();
+        let at_most = self.algorithm.falls_at_most;
+        if falls.len() > at_most {
+            return Err(LabError::FallBudget { at_most, falls });
         }
+        Ok(())
     }
 
     /// Builds the robot, simulated in this process, with its gait as a stride process.

@@ -132,6 +132,7 @@ mod tests {
             next_state: smallvec::smallvec![0.0],
             reward: 0.0,
             end,
+            fall: None,
             true_psi_roll_deg: None,
             true_forward_m: None,
             measures: StrideMeasures {

@@ -4,7 +4,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_lab::{Plant, Push, builtin};
+use stridemap_lab::{FallCriterion, Plant, Push, builtin};
 use stridemap_returnmap::{ProcessError, Stride, StrideEnd, StrideProcess};
 
 fn plant(sets: &[&str]) -> Plant {
@@ -109,6 +109,14 @@ fn a_fall_is_an_outcome_with_its_reward_and_the_robot_starts_afresh() {
     }
     assert!(last.end.is_terminal(), "{last:?}");
     assert!((last.reward + 1.0).abs() < 1e-15);
+    let cause = plant.last_fall().unwrap();
+    assert_eq!(cause.criterion.end(), last.end);
+    assert_eq!(plant.falls().len(), 1);
+    assert_eq!(plant.falls()[0].1, cause);
+    match cause.criterion {
+        FallCriterion::PsiRoll | FallCriterion::Height => assert!(cause.value < cause.threshold),
+        FallCriterion::Tilt | FallCriterion::NoSection => assert!(cause.value > cause.threshold),
+    }
     let counters = plant.counters();
     assert_eq!(counters.falls + counters.stalls, 1);
     assert!(matches!(

@@ -9,7 +9,8 @@ use std::sync::atomic::AtomicBool;
 use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
 use stridemap_lab::{
-    Algorithm, LabError, Pace, Phase, Progress, Provenance, Recorder, Recording, Transition,
+    Algorithm, FallCriterion, LabError, Pace, Phase, Progress, Provenance, Recorder, Recording,
+    Transition,
 };
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_returnmap::LearnedMap;
@@ -179,6 +180,64 @@ fn a_run_that_was_cut_anywhere_ends_like_an_unbroken_one() {
         directory.write_summary(&algorithm.progress).unwrap();
         assert_same(&path, &whole, &format!("cut after {strides} strides"));
     }
+}
+
+/// Exploration that falls: a threshold just under where the nominal gait begins (2.68 deg). The budget ends the
+/// run, every fall has its cause, nothing is dropped by trying again, and a raised budget goes on as if it had
+/// been so from the start.
+#[test]
+fn a_spent_fall_budget_ends_the_run_and_a_raised_one_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let with_budget = |falls_at_most: usize| {
+        let mut loaded = short();
+        loaded.task.failure.psi_roll_below_deg = 2.6;
+        loaded.task.collect.strides = vec![12];
+        loaded.task.collect.explore.hold = 1;
+        loaded.task.algorithm.falls_at_most = falls_at_most;
+        loaded
+    };
+    let whole = dir.path().join("whole");
+    learn(&whole, &with_budget(1000), 5);
+    let (run, spent) = (dir.path().join("run"), with_budget(2));
+    let mut directory = create(&run, &with_budget(1000), 5).unwrap();
+    let mut algorithm = Algorithm::new(&spent.task, 5).unwrap();
+    let error = algorithm.learn(&mut directory).unwrap_err();
+    let LabError::FallBudget { at_most: 2, falls } = &error else {
+        panic!("{error}");
+    };
+    assert_eq!(falls.len(), 3, "the first beyond the budget ends it");
+    for fall in falls {
+        assert_eq!(fall.fall.criterion, FallCriterion::PsiRoll);
+        assert!(fall.fall.value < 2.6 && (fall.fall.threshold - 2.6).abs() < 1e-12);
+    }
+    assert!(!error.is_request());
+    let said = error.to_string();
+    assert!(
+        said.contains("iteration 1, collect, stride")
+            && said.contains("below 2.6 (failure.psi_roll_below_deg)"),
+        "{said}"
+    );
+    let summary = directory.write_summary(&algorithm.progress).unwrap();
+    assert_eq!(&summary.falls, falls);
+    drop(directory);
+
+    let strides = || std::fs::read_to_string(run.join("transitions.csv")).unwrap();
+    let made = strides();
+    assert_eq!(made.matches(",fell,").count(), 3);
+    let resume = |falls_at_most: usize| {
+        let mut open = FinishedRun::open(&run, &[]).unwrap();
+        open.task.algorithm.falls_at_most = falls_at_most;
+        RunDirectory::resume(&open, never(), Box::new(NoWatcher))
+    };
+    let again = resume(2).err().unwrap().to_string();
+    assert!(again.contains("falls_at_most allows 2"), "{again}");
+    assert_eq!(strides(), made, "nothing is dropped");
+    let raised = with_budget(1000).task;
+    let (mut directory, progress) = resume(1000).unwrap();
+    let mut algorithm = Algorithm::resume(&raised, 5, progress).unwrap();
+    algorithm.learn(&mut directory).unwrap();
+    directory.write_summary(&algorithm.progress).unwrap();
+    assert_same(&run, &whole, "a raised budget");
 }
 
 #[test]

@@ -157,7 +157,7 @@ fn an_analysis_sets_the_map_beside_the_robot() {
     let mut algorithm = Algorithm::new(&task, 22).unwrap();
     algorithm.learn(&mut NoRecorder).unwrap();
     let progress = &algorithm.progress;
-    let found = analyse(&task, &progress.transitions, &progress.proofs(), 22).unwrap();
+    let found = analyse(&task, progress, 22).unwrap();
     let reached = progress.transitions.iter();
     let reached = reached.filter(|t| t.end == StrideEnd::Crossing).count();
     let rows = &found.pitch_rate_residual_deg_s;

@@ -384,6 +384,7 @@ mod tests {
             next_state: vec![2.5],
             reward: -0.025,
             end: StrideEnd::Crossing,
+            fall: None,
         };
         let shape = Shape {
             name: "foot".into(),

@@ -77,11 +77,14 @@ fn what_went_wrong_stands_at_the_top() {
         },
     )];
     keep("fall.html", &fall);
-    assert!(
-        report_html(&fall)
-            .unwrap()
-            .contains("The robot fell once while learning: stride 32 (iteration 2).")
-    );
+    let html = report_html(&fall).unwrap();
+    assert!(html.contains("The robot fell once while learning: stride 32 (iteration 2)."));
+    // By what, with value and threshold; a page of a run without a fall has no such table.
+    let cause = "<td>stride 32 (iteration 2)</td><td>ψ<sub>roll</sub> at the section</td>\
+                 <td class=\"num\">−0.4\u{b0}</td><td class=\"num\">below 0\u{b0}</td>";
+    assert!(html.contains(cause), "{html:.3000}");
+    let none = report_html(&[run(1, Faults::default())]).unwrap();
+    assert!(!none.contains("the robot fell in"));
     let killed = [run(
         1,
         Faults {

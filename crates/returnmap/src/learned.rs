@@ -44,6 +44,14 @@ pub struct MapFailure {
     pub reward: f64,
 }
 
+impl MapFailure {
+    /// Whether this next state is a fall.
+    #[must_use]
+    pub fn fell(&self, next_state: &[f64]) -> bool {
+        self.component.is_some_and(|c| next_state[c] < self.below)
+    }
+}
+
 /// What a map needs to know of the task beyond its data.
 #[derive(Clone)]
 pub struct MapWorld {
@@ -386,9 +394,7 @@ impl StrideProcess for LearnedMap {
             next_state.push(drawn.clamp(low, high));
         }
         let failure = self.world.failure;
-        let fell = failure
-            .component
-            .is_some_and(|c| next_state[c] < failure.below);
+        let fell = failure.fell(&next_state);
         let reward = match (&self.world.reward, &self.reward) {
             _ if fell => failure.reward,
             (Some(of_state), _) => of_state(&next_state),

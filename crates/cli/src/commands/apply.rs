@@ -8,9 +8,9 @@ use stridemap_lab::builtin::LoadedTask;
 use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files, lock};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Batch, LabError, Performance, Plant, PoseRecorder, PushConfig, PushOutcome,
-    Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker, analyse as analyse_run,
-    builtin, drive, make_strides, push as push_plant,
+    ActionSource, Batch, Fall, FallCriterion, LabError, Performance, Plant, PoseRecorder,
+    PushConfig, PushOutcome, Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker,
+    analyse as analyse_run, builtin, drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
@@ -64,6 +64,26 @@ struct Evaluated {
     #[serde(flatten)]
     measured: Measured,
     policy: &'static str,
+    causes: Vec<Fall>,
+}
+
+/// The causes of a plant's falls and stalls.
+fn causes(plant: &Plant) -> Vec<Fall> {
+    plant.falls().iter().map(|(_, fall)| *fall).collect()
+}
+
+/// Says why the robot fell: each cause once, with how often it was and its first value.
+fn show_causes(causes: &[Fall]) {
+    for criterion in FallCriterion::ALL {
+        let of = || causes.iter().filter(|fall| fall.criterion == criterion);
+        if let Some(first) = of().next() {
+            let more = match of().count() {
+                1 => String::new(),
+                n => format!(" (the first of {n} like it)"),
+            };
+            output::line(format!("  fell: {first}{more}"));
+        }
+    }
 }
 
 /// Measures a policy on the robot.
@@ -117,6 +137,7 @@ pub fn evaluate(
     let shown = Evaluated {
         measured: Measured::from(performance),
         policy: if nominal { "nominal" } else { "learned" },
+        causes: causes(&plant),
     };
     if common.json {
         return output::json(&shown);
@@ -136,6 +157,7 @@ pub fn evaluate(
         "{} policy: {reward}psi_roll {:.2} deg, {} falls, {} stalls in {} strides",
         shown.policy, p.mean_psi_roll_deg, p.falls, p.stalls, p.strides
     ));
+    show_causes(&shown.causes);
     Ok(())
 }
 
@@ -146,6 +168,7 @@ struct Walked {
     strides: usize,
     falls: usize,
     stalls: usize,
+    causes: Vec<Fall>,
     mean_reward: f64,
     mean_psi_roll_deg: f64,
     stride_duration_s: f64,
@@ -222,6 +245,7 @@ pub fn run(
         strides: performance.strides,
         falls: performance.falls,
         stalls: performance.stalls,
+        causes: causes(&plant),
         mean_reward: performance.mean_reward,
         mean_psi_roll_deg: performance.mean_psi_roll_deg,
         stride_duration_s: walked_s / performance.strides.max(1) as f64,
@@ -252,6 +276,7 @@ pub fn run(
         shown.forward_m,
         shown.left_m,
     ));
+    show_causes(&shown.causes);
     Ok(())
 }
 
@@ -259,18 +284,12 @@ pub fn run(
 pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     say_differences(path);
-    let proofs = run.progress.proofs();
-    if proofs.is_empty() {
+    if run.progress.proofs().is_empty() {
         return Err(Failure::request(
             "analyse needs a run that proves its policies, as those of `learn walking` do",
         ));
     }
-    let found = analyse_run(
-        &run.task,
-        &run.progress.transitions,
-        &proofs,
-        run.provenance.seed,
-    )?;
+    let found = analyse_run(&run.task, &run.progress, run.provenance.seed)?;
     if common.json {
         return output::json(&found);
     }
@@ -395,5 +414,6 @@ pub fn push(
         outcome.falls,
         outcome.pairs
     ));
+    show_causes(&outcome.causes);
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use stridemap_lab::run::append_event;
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{StrideObserver, Task, TickObserver};
+use stridemap_lab::{Fall, FallCriterion, StrideObserver, Task, TickObserver};
 use stridemap_link::{Operator, RemoteMachine, SharedJournal};
 use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
@@ -44,15 +44,15 @@ impl Doing {
     }
 }
 
-/// How the last stride or start ended, if it was a fall or a stall that nobody has looked at.
-pub type LastEnd = Arc<Mutex<Option<StrideEnd>>>;
+/// The last fall or stall, if nobody has looked at it.
+pub type LastFall = Arc<Mutex<Option<Fall>>>;
 
 /// The person at the terminal.
 pub struct Person {
     plan: String,
     yes: bool,
     run: Option<PathBuf>,
-    last_end: LastEnd,
+    last_fall: LastFall,
     stop: Arc<AtomicBool>,
 }
 
@@ -62,14 +62,14 @@ impl Person {
         plan: String,
         yes: bool,
         run: Option<&Path>,
-        last_end: &LastEnd,
+        last_fall: &LastFall,
         stop: Arc<AtomicBool>,
     ) -> Self {
         Self {
             plan,
             yes,
             run: run.map(Path::to_path_buf),
-            last_end: Arc::clone(last_end),
+            last_fall: Arc::clone(last_fall),
             stop,
         }
     }
@@ -101,12 +101,17 @@ impl Person {
 
 impl Operator for Person {
     fn set_up(&mut self, why: &str) -> bool {
-        let ended = self.last_end.lock().ok().and_then(|mut end| end.take());
-        let why = match ended {
-            Some(StrideEnd::Fell) if why == RemoteMachine::NEW_START => "the robot fell",
-            Some(StrideEnd::NoCrossing) if why == RemoteMachine::NEW_START => "the robot stalled",
-            _ => why,
-        };
+        let fall = self.last_fall.lock().ok().and_then(|mut fall| fall.take());
+        let fell = fall
+            .filter(|_| why == RemoteMachine::NEW_START)
+            .map(|fall| {
+                let did = match fall.criterion {
+                    FallCriterion::NoSection => "stalled",
+                    _ => "fell",
+                };
+                format!("the robot {did}: {fall}")
+            });
+        let why = fell.as_deref().unwrap_or(why);
         // Between batches nothing has happened that a person must look at.
         if why == RemoteMachine::NEW_START {
             return true;
@@ -135,12 +140,12 @@ impl Operator for Person {
     }
 }
 
-/// Writes actions and sections into a robot's log, and keeps how strides ended for the person.
+/// Writes actions and sections into a robot's log, and keeps the last fall for the person.
 pub struct Watcher {
     /// The log.
     pub journal: Option<SharedJournal>,
-    /// How the last stride ended.
-    pub last_end: LastEnd,
+    /// The last fall.
+    pub last_fall: LastFall,
 }
 
 impl StrideObserver for Watcher {
@@ -164,10 +169,9 @@ impl StrideObserver for Watcher {
         }
     }
 
-    fn ended(&mut self, end: StrideEnd) {
-        if let (StrideEnd::Fell | StrideEnd::NoCrossing, Ok(mut last)) = (end, self.last_end.lock())
-        {
-            *last = Some(end);
+    fn ended(&mut self, _: StrideEnd, fall: Option<&Fall>) {
+        if let (Some(fall), Ok(mut last)) = (fall, self.last_fall.lock()) {
+            *last = Some(*fall);
         }
     }
 }

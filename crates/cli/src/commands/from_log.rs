@@ -291,6 +291,7 @@ impl Made {
                     next_state: stride.next_state.clone(),
                     reward: stride.reward,
                     end: stride.end,
+                    fall: self.plant.last_fall(),
                     measures: *self.plant.last_measures(),
                     true_psi_roll_deg: None,
                     true_forward_m: None,

@@ -7,9 +7,12 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use serde::Serialize;
 use stridemap_lab::run::{
-    FinishedRun, NoWatcher, RunDirectory, Summary, Watcher, files, has_begun, lock, refuse_occupied,
+    FinishedRun, NoWatcher, RunDirectory, Summary, Watcher, append_event, files, has_begun, lock,
+    refuse_occupied,
 };
-use stridemap_lab::{Algorithm, LabError, Performance, Progress, Task, builtin, task_differences};
+use stridemap_lab::{
+    Algorithm, LabError, Performance, Progress, Task, builtin, nominal_gait, task_differences,
+};
 
 use super::beside::Doing;
 use super::linked::algorithm;
@@ -44,6 +47,8 @@ pub fn learn(
             "one robot cannot learn several seeds at once: leave out --seeds, or use --robot op3",
         ));
     }
+    let robot = common.robot.map(Into::into);
+    refuse_misfit(&loaded.clone().on(robot, common.seed)?.task, common.seed)?;
     match seeds {
         None => {
             let path = run_path(out, &loaded.task, common.seed);
@@ -101,12 +106,7 @@ fn finish(algorithm: &mut Algorithm<'_>, directory: &mut RunDirectory) -> Result
 
 /// Goes on with a run.
 pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
-    if !common.sets.is_empty() {
-        return Err(Failure::request(
-            "--resume goes on with the run's own task; leave out --set",
-        ));
-    }
-    let mut run = FinishedRun::open(path, &[])?;
+    let mut run = with_budget(path, &common.sets)?;
     in_network(&mut run.task, common)?;
     say_edited(&run);
     let watcher = Box::new(RunProgress::new(&run.task));
@@ -131,6 +131,39 @@ fn finished(
     let summary = result?;
     super::report::draw(path)?;
     show(task, &summary, path, json)
+}
+
+/// A run to go on with. The one value of its task that may be another is how often the robot may fall.
+fn with_budget(path: &Path, sets: &[String]) -> Result<FinishedRun, Failure> {
+    const BUDGET: &str = "algorithm.falls_at_most";
+    let key = |set: &String| set.split('=').next().map(|key| key.trim().to_owned());
+    if sets.iter().any(|set| key(set).as_deref() != Some(BUDGET)) {
+        return Err(Failure::request(format!(
+            "--resume goes on with the run's own task; leave out --set ({BUDGET} alone may be raised)"
+        )));
+    }
+    let run = FinishedRun::open(path, sets)?;
+    if !sets.is_empty() {
+        let _lock = lock(path)?;
+        let config = path.join("config.toml");
+        files::write_whole(
+            &config,
+            builtin::load_file(&config, sets)?.resolved.as_bytes(),
+        )?;
+        let raised = serde_json::json!({ BUDGET: run.task.algorithm.falls_at_most });
+        append_event(path, "budget", raised)?;
+    }
+    Ok(run)
+}
+
+/// Refuses a task whose thresholds or prices do not fit its robot, before anything is written. A robot behind
+/// a link is asked by the nominal measurement of its run.
+pub fn refuse_misfit(task: &Task, seed: u64) -> Result<(), Failure> {
+    if task.link.is_none() {
+        let gait = nominal_gait(task, seed)?;
+        gait.refuse(&task.failure).map_err(LabError::from)?;
+    }
+    Ok(())
 }
 
 /// Runs what is missing of a run.
@@ -245,6 +278,13 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
             };
             output::line(format!("  {tried}: the nominal gait is the final policy"));
         }
+    }
+    const SHOWN: usize = 8;
+    for fall in summary.falls.iter().take(SHOWN) {
+        output::line(format!("  fell: {fall}"));
+    }
+    if let more @ 1.. = summary.falls.len().saturating_sub(SHOWN) {
+        output::line(format!("  and {more} falls more, in summary.json"));
     }
     let s = summary.seconds.by_work;
     output::line(format!(

@@ -9,7 +9,7 @@ use stridemap_link::{Journal, LoggedMachine, RemoteMachine};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator};
 use stridemap_robot::{EstimatedRobot, JointLimits, Machine};
 
-use super::beside::{Doing, LastEnd, Person, Watcher, plan};
+use super::beside::{Doing, LastFall, Person, Watcher, plan};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::stop::robot_stop_flag;
@@ -37,7 +37,7 @@ pub fn plant(
     let lab = stridemap_lab::LabError::from;
     let logged = common.log || task.link.is_some();
     let path = run.filter(|_| logged).map(log_path);
-    let last_end = LastEnd::default();
+    let last_fall = LastFall::default();
     let machine: Box<dyn Machine> = match &task.link {
         None if path.is_none() || !task.robot.estimated => return Ok(task.plant()?),
         None => Box::new(SimulatedMachine::new(&task.robot).map_err(lab)?),
@@ -45,7 +45,7 @@ pub fn plant(
             let (names, limits) = joints(task)?;
             let stop = robot_stop_flag(link);
             let (text, halt) = (plan(task, doing), Arc::clone(&stop));
-            let operator = Person::new(text, common.yes, run, &last_end, stop);
+            let operator = Person::new(text, common.yes, run, &last_fall, stop);
             let period_s = task.robot.control_period_s;
             let operator = Box::new(operator);
             let mut machine = RemoteMachine::open(link, names, limits, period_s, operator)?;
@@ -60,7 +60,7 @@ pub fn plant(
         let mut plant = task.plant_on(Box::new(robot))?;
         plant.log(Some(Box::new(Watcher {
             journal: None,
-            last_end,
+            last_fall,
         })));
         return Ok(plant);
     };
@@ -71,7 +71,7 @@ pub fn plant(
     let mut plant = task.plant_on(Box::new(robot))?;
     plant.log(Some(Box::new(Watcher {
         journal: Some(journal),
-        last_end,
+        last_fall,
     })));
     Ok(plant)
 }

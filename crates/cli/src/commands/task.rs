@@ -41,6 +41,9 @@ pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
             ));
         }
     }
+    if let Some(refused) = report.refused {
+        return Err(Failure::request(refused));
+    }
     if report.ok {
         if !common.json {
             output::line(format!("{name} can work; next: stridemap learn {name}"));

@@ -6,7 +6,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files, lock};
-use stridemap_lab::{Algorithm, Performance, Phase, Progress, Task, Transition, builtin, fit_map};
+use stridemap_lab::{
+    Algorithm, InPlace, Performance, Phase, Progress, Task, Transition, builtin, fit_map,
+};
 use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
 use super::beside::Doing;
@@ -32,6 +34,7 @@ pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Resul
     let name = text(task_or_run)?;
     let loaded = on_robot(builtin::load(name, &common.sets)?, common)?;
     let task = &loaded.task;
+    super::learn::refuse_misfit(task, common.seed)?;
     let path = run_path(out, task, common.seed);
     let record = provenance("collect", name, &loaded, common)?;
     let watcher = Box::new(RunProgress::new(task));
@@ -185,12 +188,13 @@ fn fit_said(
     const LARGE: usize = 1500;
     /// Strides by which the time is measured.
     const SAMPLE: usize = 500;
+    let in_place = InPlace::default(); // A map alone is asked for no falls.
     let strides = transitions.len();
     stridemap_gp::check_memory(strides, task.state.len() + 1)
         .map_err(|error| Failure::request(error.to_string()))?;
     if strides > LARGE {
         let started = Instant::now();
-        let sample = fit_map(task, &transitions[..SAMPLE], seed, iteration);
+        let sample = fit_map(task, &transitions[..SAMPLE], &in_place, seed, iteration);
         let ratio = strides as f64 / SAMPLE as f64;
         let seconds = started.elapsed().as_secs_f64() * ratio.powi(3);
         if sample.is_ok() {
@@ -200,7 +204,7 @@ fn fit_said(
             ));
         }
     }
-    Ok(fit_map(task, transitions, seed, iteration)?)
+    Ok(fit_map(task, transitions, &in_place, seed, iteration)?)
 }
 
 fn show_map(map: &LearnedMap, saved: &SavedMap, json: bool) -> Result<(), Failure> {

@@ -10,6 +10,7 @@ use stridemap_returnmap::LearnedMap;
 
 use crate::algorithm::{Phase, Progress, Recorder};
 use crate::error::LabError;
+use crate::fall::RobotFall;
 use crate::poses::{Pace, Recording};
 use crate::provenance::Provenance;
 use crate::run::beginning::{build, refuse_occupied};
@@ -156,7 +157,7 @@ impl RunDirectory {
     ///
     /// [`LabError::Locked`] if another process writes there; [`LabError::Mixed`] if model, simulator, program, seed or
     /// task are not those of the run; [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] if a file
-    /// is damaged; [`LabError::File`].
+    /// is damaged; [`LabError::FallBudget`] if the robot fell more often than the task allows; [`LabError::File`].
     pub fn resume(
         run: &FinishedRun,
         stop: Arc<AtomicBool>,
@@ -171,10 +172,20 @@ impl RunDirectory {
         let lock = lock(path)?;
         run.refuse_others()?;
         let (mut progress, mut rows, _) = read_progress(path, task)?;
+        let table = TransitionTable::new(&task.process_spec()?);
+        let mut unfinished = read_unfinished(&table, &path.join("transitions.csv"), rows[0]);
         if task.link.is_some() {
-            progress.unfinished = read_unfinished(path, task, rows[0])?;
+            progress.unfinished = unfinished?;
             rows[0] += progress.unfinished.len();
+            // Record strides are made anew; the robot has fallen in them all the same.
+            let measured = read_unfinished(&table, &path.join("record.csv"), rows[1])?;
+            progress.falls.extend(RobotFall::among(&measured));
+            unfinished = Ok(progress.unfinished.clone());
         }
+        // A spent budget is told before anything is dropped or made again.
+        let mut falls = progress.falls.clone();
+        falls.extend(RobotFall::among(&unfinished.unwrap_or_default()));
+        task.check_fall_budget(&falls)?;
         sweep(path)?;
         let directory = Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher)?;
         Ok((directory, progress))
@@ -361,6 +372,7 @@ impl Recorder for RunDirectory {
                 final_performance: progress.final_performance,
                 record_strides: progress.record_strides,
                 seconds: progress.seconds,
+                falls: progress.falls.clone(),
             },
         )?;
         self.event(

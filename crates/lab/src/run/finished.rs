@@ -8,6 +8,7 @@ use stridemap_mujoco::{ModelSource, sha256};
 
 use crate::algorithm::{Iteration, Phase, Progress, Seconds};
 use crate::error::LabError;
+use crate::fall::RobotFall;
 use crate::provenance::Provenance;
 use crate::run::files::{read_json, read_text};
 use crate::run::table::TransitionTable;
@@ -35,6 +36,9 @@ pub(super) struct Checkpoint {
     pub final_performance: Option<Performance>,
     pub record_strides: usize,
     pub seconds: Seconds,
+    /// Left out by earlier versions.
+    #[serde(default)]
+    pub falls: Vec<RobotFall>,
 }
 
 /// A run's copy of the model file that its task names.
@@ -88,6 +92,7 @@ pub(super) fn read_progress(
         final_performance: c.final_performance,
         record_strides: c.record_strides,
         seconds: c.seconds,
+        falls: c.falls,
         unfinished: Vec::new(),
         total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
     };
@@ -101,18 +106,16 @@ pub(super) fn read_progress(
 /// Reads the strides that were made after the last checkpoint, which counts `checkpoint_rows`. A last line that
 /// was cut short is no stride.
 pub(super) fn read_unfinished(
-    path: &Path,
-    task: &Task,
+    table: &TransitionTable,
+    log: &Path,
     checkpoint_rows: usize,
 ) -> Result<Vec<Transition>, LabError> {
-    let log = path.join("transitions.csv");
     if !log.exists() {
         return Ok(Vec::new());
     }
     // Every row ends with a line break, and so does the header.
-    let whole = read_text(&log)?.matches('\n').count().saturating_sub(1);
-    let table = TransitionTable::new(&task.process_spec()?);
-    let mut all = table.read(&log, Some(whole.max(checkpoint_rows)))?;
+    let whole = read_text(log)?.matches('\n').count().saturating_sub(1);
+    let mut all = table.read(log, Some(whole.max(checkpoint_rows)))?;
     Ok(all.split_off(checkpoint_rows.min(all.len())))
 }
 

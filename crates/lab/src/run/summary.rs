@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::algorithm::{Progress, Seconds};
+use crate::fall::RobotFall;
 use crate::guard::GuardWarning;
 use crate::proof::Proof;
 use crate::strides::{Performance, StrideRole};
@@ -122,6 +123,9 @@ pub struct Summary {
     /// The final policy, measured; null until it was.
     #[serde(rename = "final")]
     pub final_policy: Option<Measured>,
+    /// Every fall and stall on the robot with its cause, those of starts and record strides as well.
+    #[serde(default)]
+    pub falls: Vec<RobotFall>,
     /// Time spent.
     pub seconds: SecondsSummary,
 }
@@ -174,6 +178,7 @@ impl Summary {
             improved: progress.improved(),
             nominal: progress.nominal.map(Measured::from),
             final_policy: progress.final_performance.map(Measured::from),
+            falls: progress.falls.clone(),
             seconds: SecondsSummary {
                 by_work: s,
                 total: progress.total_seconds,

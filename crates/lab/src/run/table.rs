@@ -7,6 +7,7 @@ use stridemap_returnmap::{ProcessSpec, State, StrideEnd};
 use stridemap_robot::Side;
 
 use crate::error::LabError;
+use crate::fall::{Fall, FallCriterion};
 use crate::measure::StrideMeasures;
 use crate::strides::{StridePhase, StrideRole, Transition};
 
@@ -34,6 +35,9 @@ fn measures(m: &StrideMeasures) -> [(&'static str, f64); 16] {
         ("stride_cost_of_transport", m.cost_of_transport),
     ]
 }
+
+/// Why a stride was a fall or a stall; empty cells where it was none. Tables of earlier versions lack them.
+const FALL_COLUMNS: [&str; 3] = ["fall_criterion", "fall_value", "fall_threshold"];
 
 const FIRST_COLUMNS: [&str; 7] = [
     "iteration",
@@ -83,6 +87,7 @@ impl TransitionTable {
                 .iter()
                 .map(|(name, _)| (*name).into()),
         );
+        columns.extend(FALL_COLUMNS.map(Into::into));
         columns.join(",")
     }
 
@@ -113,6 +118,10 @@ impl TransitionTable {
                 .iter()
                 .map(|(_, value)| value.to_string()),
         );
+        cells.extend(t.fall.map_or_else(Default::default, |fall| {
+            let (value, threshold) = (fall.value.to_string(), fall.threshold.to_string());
+            [fall.criterion.name().into(), value, threshold]
+        }));
         cells.join(",")
     }
 
@@ -240,6 +249,7 @@ impl TransitionTable {
             next_state: row.numbers(&self.states, "next_")?,
             reward: row.number("reward")?,
             end: ends[row.word("end", &ends.map(StrideEnd::name))?],
+            fall: row.fall()?,
             true_psi_roll_deg: None,
             true_forward_m: None,
             measures: StrideMeasures {
@@ -338,6 +348,20 @@ impl Row<'_> {
         })
     }
 
+    /// The cause of a fall; none where there is no such column, or nothing in it.
+    fn fall(&self) -> Result<Option<Fall>, LabError> {
+        let [criterion, value, threshold] = FALL_COLUMNS;
+        if !self.columns.contains_key(criterion) || self.cell(criterion)?.is_empty() {
+            return Ok(None);
+        }
+        let words = FallCriterion::ALL.map(FallCriterion::name);
+        Ok(Some(Fall {
+            criterion: FallCriterion::ALL[self.word(criterion, &words)?],
+            value: self.number(value)?,
+            threshold: self.number(threshold)?,
+        }))
+    }
+
     fn numbers(&self, names: &[String], prefix: &str) -> Result<State, LabError> {
         names
             .iter()
@@ -379,6 +403,7 @@ mod tests {
             next_state: smallvec::smallvec![1e-300],
             reward: -0.25,
             end: StrideEnd::Crossing,
+            fall: None,
             true_psi_roll_deg: None,
             true_forward_m: None,
             measures: StrideMeasures {
@@ -456,7 +481,7 @@ mod tests {
             ),
             (
                 format!("{header}\n{row},7\n").into_bytes(),
-                "2: 30 cells under 29 columns",
+                "2: 33 cells under 32 columns",
             ),
             (
                 header.replace("reward", "Reward").into_bytes(),
@@ -471,6 +496,38 @@ mod tests {
             let error = table().read(&path, None).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
+    }
+
+    #[test]
+    fn the_cause_of_a_fall_comes_back_and_older_tables_without_it_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("transitions.csv");
+        let fell = Transition {
+            end: StrideEnd::Fell,
+            fall: Some(Fall {
+                criterion: FallCriterion::Tilt,
+                value: 45.1 + 0.2,
+                threshold: 45.0,
+            }),
+            ..transition()
+        };
+        let text = format!("{}\n{}\n", table().header(), table().row(&fell));
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(table().read(&path, None).unwrap(), vec![fell.clone()]);
+        std::fs::write(&path, text.replace(",tilt,", ",tipped,")).unwrap();
+        let error = table().read(&path, None).unwrap_err().to_string();
+        assert!(
+            error.contains(":2: fall_criterion = \"tipped\"; it is one of psi_roll, height"),
+            "{error}"
+        );
+        let older: String = text
+            .lines()
+            .map(|l| l.rsplitn(4, ',').last().unwrap().to_owned() + "\n")
+            .collect();
+        assert!(!older.contains("fall_"));
+        std::fs::write(&path, older).unwrap();
+        let read = table().read(&path, None).unwrap();
+        assert_eq!(read, vec![Transition { fall: None, ..fell }]);
     }
 
     #[test]

@@ -397,6 +397,7 @@ mod tests {
             next_state: vec![next],
             reward: 0.0,
             end: crate::run::StrideEnd::Crossing,
+            fall: None,
         };
         let data = MapFigure {
             iteration: 1,

@@ -1,6 +1,7 @@
 //! `report.html`: one file, no network, of one run or of several side by side.
 
 mod facts;
+mod falls;
 mod replay;
 
 use std::path::Path;
@@ -65,6 +66,7 @@ pub fn report_html(runs: &[Run]) -> Result<String> {
     page.body.push_str("<main>");
     if let [run] = runs {
         page.body.push_str(&facts::remarks(run));
+        page.body.push_str(&falls::table(run));
         page.body.push_str(&facts::tiles(run));
     } else {
         page.overview(runs);

@@ -82,6 +82,37 @@ pub struct StrideRow {
     pub reward: f64,
     /// How it ended.
     pub end: StrideEnd,
+    /// Why, if it was a fall or a stall; unknown in runs of earlier versions.
+    #[serde(default)]
+    pub fall: Option<Fall>,
+}
+
+/// The cause of a fall or a stall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fall {
+    /// `psi_roll` (deg), `height` (share of the first), `tilt` (deg) or `no_section` (s).
+    pub criterion: String,
+    /// What was measured.
+    pub value: f64,
+    /// What it passed.
+    pub threshold: f64,
+}
+
+/// A fall as `summary.json` lists it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotFall {
+    /// Iteration, from 1; 0 outside.
+    pub iteration: u32,
+    /// `collect`, `evaluate` or `record`.
+    pub phase: String,
+    /// The measured policy of a record stride.
+    #[serde(default)]
+    pub what: Option<String>,
+    /// Stride of its batch, from 1; `None` in a start.
+    pub stride: Option<u64>,
+    /// Its cause.
+    #[serde(flatten)]
+    pub fall: Fall,
 }
 
 /// A line of `learning.csv`.
@@ -250,6 +281,8 @@ pub struct Summary {
     /// The policy that the run recommends.
     #[serde(rename = "final")]
     pub final_policy: Option<Measured>,
+    /// Every fall on the robot with its cause.
+    pub falls: Vec<RobotFall>,
     /// Computing time.
     pub seconds: Option<Seconds>,
 }

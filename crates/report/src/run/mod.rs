@@ -7,9 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 pub use formats::{
-    Columns, Frame, IterationSummary, LearningRow, LeaveOneOut, MapCard, MapOutput, Measured, Pose,
-    Proof, Provenance, PushSummary, Recording, Region, ReturnLine, Seconds, Shape, ShapeKind,
-    StrideCounts, StrideEnd, StrideRow, Summary, Warning,
+    Columns, Fall, Frame, IterationSummary, LearningRow, LeaveOneOut, MapCard, MapOutput, Measured,
+    Pose, Proof, Provenance, PushSummary, Recording, Region, ReturnLine, RobotFall, Seconds, Shape,
+    ShapeKind, StrideCounts, StrideEnd, StrideRow, Summary, Warning,
 };
 use serde::de::DeserializeOwned;
 use table::Table;
@@ -472,6 +472,22 @@ fn strides(t: &Table, columns: &Columns) -> Result<Vec<StrideRow>> {
         t.column("end")?,
     );
     let (what, phase) = (t.find("what"), t.find("phase"));
+    let fall_columns = t
+        .find("fall_criterion")
+        .zip(t.find("fall_value"))
+        .zip(t.find("fall_threshold"));
+    let fall = |row: usize| -> Result<Option<Fall>> {
+        match fall_columns {
+            Some(((criterion, value), threshold)) if !t.word(row, criterion).is_empty() => {
+                Ok(Some(Fall {
+                    criterion: t.word(row, criterion).to_owned(),
+                    value: t.number(row, value)?,
+                    threshold: t.number(row, threshold)?,
+                }))
+            }
+            _ => Ok(None),
+        }
+    };
     let numbers = |row: usize, at: &[usize]| -> Result<Vec<f64>> {
         at.iter().map(|c| t.number(row, *c)).collect()
     };
@@ -502,6 +518,7 @@ fn strides(t: &Table, columns: &Columns) -> Result<Vec<StrideRow>> {
                         _ => None,
                     },
                 )?,
+                fall: fall(row)?,
             })
         })
         .collect()

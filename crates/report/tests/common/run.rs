@@ -17,7 +17,7 @@ pub struct Faults {
 }
 
 const HEADER: &str = "iteration,phase,role,episode,k,time_s,stance,psi_roll_deg,last_step_amplitude_deg,\
-step_amplitude_deg,next_psi_roll_deg,reward,end,stride_duration_s";
+step_amplitude_deg,next_psi_roll_deg,reward,end,stride_duration_s,fall_criterion,fall_value,fall_threshold";
 
 fn stride(rng: &mut Lcg, psi: f64, action: f64) -> f64 {
     2.13 + 0.5 * (psi - 2.2) - 0.22 * (action - 1.9) + 0.08 * rng.normal()
@@ -58,9 +58,10 @@ fn rows(
             -0.1 * (next - 2.0) * (next - 2.0)
         };
         let end = if fell { "fell" } else { "crossing" };
+        let fall = if fell { "psi_roll,-0.4,0" } else { ",," };
         let stance = if k % 2 == 0 { "left" } else { "right" };
         out.push_str(&format!(
-            "{prefix}{iteration},collect,{role},{iteration},{k},{:.3},{stance},{psi},{last},{u},{next},{reward},{end},0.577\n",
+            "{prefix}{iteration},collect,{role},{iteration},{k},{:.3},{stance},{psi},{last},{u},{next},{reward},{end},0.577,{fall}\n",
             0.577 * f64::from(k)
         ));
         last = u;

@@ -5,7 +5,8 @@ use std::path::Path;
 use serde::Serialize;
 use stridemap_lab::run::{Summary, files};
 use stridemap_lab::{
-    Algorithm, LabError, NoRecorder, Transition, builtin, fit_map, one_step_error, unseen_error,
+    Algorithm, InPlace, LabError, NoRecorder, Transition, builtin, fit_map, one_step_error,
+    unseen_error,
 };
 use stridemap_report::figures::{SamplesPoint, samples as draw};
 
@@ -47,7 +48,8 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
         let mut task = task.clone();
         task.collect.strides = vec![UNSEEN];
         task.record.pose_seconds = 0.0;
-        let mut algorithm = Algorithm::new(&task, seed.wrapping_add(UNSEEN_SEED))?;
+        let algorithm = Algorithm::new(&task, seed.wrapping_add(UNSEEN_SEED))?;
+        let mut algorithm = algorithm.however_often_it_falls();
         algorithm.collect(&mut NoRecorder)?;
         Ok(algorithm.progress.transitions)
     })?;
@@ -69,11 +71,11 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
         task.algorithm.strides_at_most = Some(n + PROOF);
         task.record.pose_seconds = 0.0;
         let run = || -> Result<SamplesPoint, LabError> {
-            let mut algorithm = Algorithm::new(&task, seed)?;
+            let mut algorithm = Algorithm::new(&task, seed)?.however_often_it_falls();
             algorithm.learn(&mut NoRecorder)?;
             let strides = &algorithm.progress.transitions;
             let collected = &strides[..n.min(strides.len())];
-            let map = fit_map(&task, collected, seed, 1)?;
+            let map = fit_map(&task, collected, &InPlace::default(), seed, 1)?;
             let summary = Summary::of(&task, seed, &algorithm.progress);
             let falls: usize = summary.iterations.iter().map(|i| i.falls).sum();
             Ok(SamplesPoint {
