@@ -99,6 +99,17 @@ fn learn_writes_a_run_that_every_other_command_takes_up() {
     ));
     assert_eq!(pushed["pairs"], 4);
     assert!(pushed["slope"].is_number());
+    // 95 kg and 0.04 m/s: 3.8 N s, in 0.2 s 19 N.
+    for (key, value) in [
+        ("force_n", 19.0),
+        ("impulse_n_s", 3.8),
+        ("velocity_change_m_s", 0.04),
+    ] {
+        assert!(
+            (pushed[key].as_f64().unwrap() - value).abs() < 1e-9,
+            "{key}: {pushed}"
+        );
+    }
     assert_eq!(
         entries(&run),
         files + 2,

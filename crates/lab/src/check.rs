@@ -121,8 +121,7 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
     let state = robot.state();
     let weight_n = robot.description().mass_kg
         * robot
-            .provenance()
-            .gravity_m_s2
+            .gravity_m_s2()
             .iter()
             .map(|g| g * g)
             .sum::<f64>()

@@ -64,7 +64,7 @@ impl Provenance {
         command: String,
     ) -> Result<Self, LabError> {
         let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone())?;
-        let engine = robot.provenance();
+        let engine = robot.provenance()?;
         let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         Ok(Self {
             version: env!("CARGO_PKG_VERSION").into(),

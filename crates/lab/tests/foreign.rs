@@ -46,6 +46,19 @@ fn a_wrong_sign_in_the_joint_map_is_found_before_anything_moves() {
 }
 
 #[test]
+fn a_gait_that_does_not_carry_the_robot_fails_with_what_to_try_and_not_with_check() {
+    let task = builtin::load("stepping", &["gait.coupling_rad_s=0".into()]);
+    let report = check(&task.unwrap().task, 1).unwrap();
+    let item = report.items.last().unwrap();
+    assert!(
+        !report.ok && !item.ok && item.what == "nominal gait",
+        "{item:?}"
+    );
+    assert!(item.found.contains("try other amplitudes"), "{item:?}");
+    assert!(!item.found.contains("stridemap"), "{item:?}");
+}
+
+#[test]
 fn a_misspelt_joint_is_an_error_that_names_the_nearest() {
     let sets = [r#"robot.left.knee="L_knee""#.to_string()];
     let task = builtin::load_file(&task_file(), &sets).unwrap().task;

@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         build.push(start.elapsed().as_secs_f64() * 1e3);
     }
     println!("building a robot: {:.2} ms", median(&mut build));
-    println!("{}", robot.provenance().model_sha256);
+    println!("{}", robot.provenance()?.model_sha256);
     Ok(())
 }
 

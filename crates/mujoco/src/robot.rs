@@ -77,7 +77,6 @@ pub struct MujocoRobot {
     /// Position servos that drive no joint of their own.
     pub(crate) held: Vec<Held>,
     description: RobotDescription,
-    provenance: Provenance,
     steps_per_period: usize,
     /// PD laws of the legs and then of the other joints; those of servos are not used.
     laws: Vec<Law>,
@@ -158,19 +157,10 @@ impl MujocoRobot {
         let servo = |axis: &Axis| matches!(axis.drive, Drive::Servo { .. });
         let mut robot = Self {
             description: RobotDescription {
-                name: name.clone(),
+                name,
                 control_period_s: config.control_period_s,
                 mass_kg,
                 limits,
-            },
-            provenance: Provenance {
-                engine: format!("MuJoCo {}", mujoco_version()),
-                model: name,
-                model_sha256: hash(&model)?,
-                mass_kg,
-                gravity_m_s2: model.opt().gravity,
-                time_step_s,
-                control_period_s: config.control_period_s,
             },
             steps_per_period,
             has_laws: !binding.legs.iter().chain(&binding.others).all(servo),
@@ -201,10 +191,28 @@ impl MujocoRobot {
         &self.config
     }
 
-    /// Engine, model, hash, mass, gravity and periods, for a run's record.
+    /// Engine, model, hash, mass, gravity and periods, for a run's record. Hashing a model with meshes takes a
+    /// good part of a second.
+    ///
+    /// # Errors
+    ///
+    /// [`MujocoError::Load`] if MuJoCo cannot write the model down.
+    pub fn provenance(&self) -> Result<Provenance, MujocoError> {
+        Ok(Provenance {
+            engine: format!("MuJoCo {}", mujoco_version()),
+            model: self.config.model.to_string(),
+            model_sha256: hash(&self.model)?,
+            mass_kg: self.description.mass_kg,
+            gravity_m_s2: self.gravity_m_s2(),
+            time_step_s: self.model.opt().timestep,
+            control_period_s: self.config.control_period_s,
+        })
+    }
+
+    /// Gravity (x, y, z).
     #[must_use]
-    pub fn provenance(&self) -> &Provenance {
-        &self.provenance
+    pub fn gravity_m_s2(&self) -> [f64; 3] {
+        self.model.opt().gravity
     }
 
     /// Physics steps in one control period.

@@ -124,8 +124,8 @@ fn overrides_reach_the_physics() -> Outcome {
     let load_n: f64 = robot.state().feet.iter().map(|f| f.load_n).sum();
     assert!((load_n - 1.07 * 95.0 * 9.81).abs() < 1.0, "{load_n}");
     assert_ne!(
-        robot.provenance().model_sha256,
-        nominal.provenance().model_sha256
+        robot.provenance()?.model_sha256,
+        nominal.provenance()?.model_sha256
     );
     Ok(())
 }
@@ -237,10 +237,10 @@ fn has_a_shape_and_a_hash() -> Outcome {
     );
     assert!(shapes.iter().all(|shape| !shape.name.is_empty()));
     assert!(shapes.iter().any(|shape| shape.name == "right_sole"));
-    let provenance = robot.provenance();
+    let provenance = robot.provenance()?;
     assert_eq!(provenance.engine, "MuJoCo 3.17.0");
     assert_eq!(provenance.model_sha256.len(), 64);
     let (again, _) = standing(MujocoConfig::default())?;
-    assert_eq!(again.provenance(), provenance);
+    assert_eq!(again.provenance()?, provenance);
     Ok(())
 }
