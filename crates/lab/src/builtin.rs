@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use stridemap_mujoco::ModelSource;
+use stridemap_robot::{LEG_JOINTS, LegJoint};
 
 use crate::config::{Document, resolver, task_text};
 use crate::error::{Invalid, LabError};
@@ -114,6 +115,9 @@ fn config(error: crate::config::ConfigError) -> LabError {
 }
 
 fn finish(document: Document) -> Result<LoadedTask, LabError> {
+    if let Some((key, message)) = not_yet(&document) {
+        return Err(config(document.located(&key, message)));
+    }
     let mut task: Task = document.deserialize().map_err(config)?;
     // From the file that names it; absolute, since the resolved task is saved elsewhere.
     if let (ModelSource::File(path), Some(base)) =
@@ -131,6 +135,31 @@ fn finish(document: Document) -> Result<LoadedTask, LabError> {
         resolved,
         file: file.and_then(|source| std::path::absolute(&source.name).ok()),
     })
+}
+
+/// What robots have and a task cannot say: the key at fault, and what there is instead.
+fn not_yet(document: &Document) -> Option<(String, String)> {
+    let table = |key: &str| document.get(key).filter(|node| node.as_table().is_some());
+    for key in ["robot.kp_nm_rad", "robot.kv_nms_rad"] {
+        if table(key).is_some() {
+            let message = "must be one number, for all ten leg joints; gains of each joint's own are those of the \
+                           model's position servos, where this key is left out";
+            return Some((key.into(), message.into()));
+        }
+    }
+    for side in ["left", "right"] {
+        let leg = format!("robot.{side}");
+        let lacks = |joint: &&LegJoint| document.get(&format!("{leg}.{}", joint.name())).is_none();
+        if let (Some(_), Some(joint)) = (table(&leg), LEG_JOINTS.iter().find(lacks)) {
+            let message = format!(
+                "names no {}; each leg needs a foot and the hinges {}: a robot without one of them cannot be used",
+                joint.name(),
+                LEG_JOINTS.map(LegJoint::name).join(", ")
+            );
+            return Some((leg, message));
+        }
+    }
+    None
 }
 
 /// Puts a fault that a room found in its configuration at its place in the file.
@@ -284,6 +313,21 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("action.3.bounds = [6, 11]"), "{text}");
+    }
+
+    #[test]
+    fn what_a_task_cannot_say_of_a_robot_is_told_as_that() {
+        let leg = r#"robot.left={ hip_roll = "a", hip_pitch = "b", knee = "c", ankle_pitch = "d", foot = "e" }"#;
+        for (set, says) in [
+            (leg, "robot.left: names no ankle_roll"),
+            ("robot.kp_nm_rad={ knee = 3000.0 }", "must be one number"),
+        ] {
+            let error = load("stepping", &[set.into()]).unwrap_err();
+            assert!(
+                error.is_request() && error.to_string().contains(says),
+                "{error}"
+            );
+        }
     }
 
     #[test]

@@ -676,12 +676,11 @@ impl Task {
                 ));
             }
             if !(lower..=upper).contains(&m.neutral) {
-                let own = gait_key(m.name).unwrap_or(m.name);
                 return Err(invalid(
                     gait_key(m.name).map_or_else(|| format!("action.{i}.bounds"), str::to_owned),
                     format!(
-                        "{own} = {} lies outside of action.{i}.bounds = [{lower}, {upper}] of {}, so the nominal \
-                         gait would be another one; widen the bounds (an [[action]] list of your own takes the \
+                        "the gait's own {} lies outside of action.{i}.bounds = [{lower}, {upper}] of {}, so the \
+                         nominal gait would be another one; widen the bounds (an [[action]] list of your own takes the \
                          place of an inherited one) or change the gait",
                         m.neutral, m.name
                     ),

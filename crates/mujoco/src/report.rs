@@ -17,6 +17,9 @@ const STEP_RAD: f64 = 1e-5;
 /// Cosine below which an axis does not point where its name says.
 const ALIGNED: f64 = 0.7;
 
+/// Rest angle of a roll joint beyond which it is no trim but a lean.
+const LEAN_DEG: f64 = 1.0;
+
 /// How a joint is driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -198,6 +201,12 @@ fn problem(joint: LegJoint, axis: [f64; 3], rest_deg: f64, range_deg: [f64; 2]) 
             axis[1],
             axis[2],
             joint.name()
+        ));
+    }
+    if matches!(joint, LegJoint::HipRoll | LegJoint::AnkleRoll) && rest_deg.abs() > LEAN_DEG {
+        return Some(format!(
+            "its rest angle of {rest_deg:.1} deg turns both legs the same way, about +x, and leans the robot to one \
+             side; a wider stance, each leg outwards, cannot be said in robot.rest_deg"
         ));
     }
     let [lower, upper] = range_deg;
