@@ -256,7 +256,7 @@ impl Watcher for RunProgress {
         let count = if learning { self.learned } else { t.k + 1 };
         let did = self.did(t);
         let line = format!("{doing}: stride {count}, {did}");
-        self.show(1, format!("{line}; falls {}", self.falls));
+        self.show(1, format!("falls {}; {line}", self.falls));
         // A fall on the robot is told in a pipe as well, and at once.
         if learning && t.fall.is_some() {
             if self.live {

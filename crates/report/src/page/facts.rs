@@ -47,7 +47,8 @@ pub(super) fn remarks(run: &Run) -> String {
         let why = match &run.stopped {
             Some(stop) => format!(
                 "it stopped at {}: {}.",
-                stop.time,
+                // To the second.
+                stop.time.split('.').next().unwrap_or_default(),
                 stop.reason.trim_end_matches('.')
             ),
             None => "it was killed, or it is still going.".to_owned(),
@@ -201,7 +202,7 @@ pub(super) fn tiles(run: &Run) -> String {
         m.and_then(|m| m.speed_m_s)
             .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3))
     };
-    let walks = s.final_policy.is_some_and(|m| m.speed_m_s.is_some());
+    let walks = (s.final_policy.or(s.nominal)).is_some_and(|m| m.speed_m_s.is_some());
     if walks {
         tiles.push((
             format!(
