@@ -15,14 +15,14 @@ use mujoco_rs::prelude::MjModel;
 use sha2::{Digest, Sha256};
 
 use crate::config::ModelSource;
-use crate::engine::{compile, mujoco_version};
+use crate::engine::{compile, mujoco_version, sha256};
 use crate::error::MujocoError;
 
 /// First line of an entry: what it is, and in which format.
 const MAGIC: &[u8] = b"stridemap compiled model 1\n";
 /// Most bytes of all entries together.
 const MOST_BYTES: u64 = 1 << 30;
-/// Files that a model may name in all; beyond it is compiled anew each time.
+/// Places of files that are looked at; a model that needs more is compiled anew each time.
 const MOST_FILES: usize = 10_000;
 
 /// The last model of this process, and what its files looked like before it was read.
@@ -103,74 +103,82 @@ fn look(path: &Path) -> Option<Look> {
     ])
 }
 
+/// Every path where a file of this name may lie: MuJoCo looks in some of them, by rules of its own.
+fn places(name: &str, bases: &BTreeSet<PathBuf>, sub_dirs: &BTreeSet<String>) -> Vec<PathBuf> {
+    let bare = Path::new(name).file_name().unwrap_or_default();
+    let dirs = bases
+        .iter()
+        .flat_map(|base| sub_dirs.iter().map(|sub| base.join(sub)));
+    let mut all: Vec<PathBuf> = dirs
+        .flat_map(|dir| [dir.join(name), dir.join(bare)])
+        .collect();
+    all.sort();
+    all.dedup();
+    all
+}
+
 /// Every file that a model names, by itself or through others; `None` if that cannot be told: a file that is
 /// found nowhere, a plugin, XML that cannot be read.
 fn inputs(model: &Path) -> Option<Inputs> {
-    let mut visited = BTreeSet::new();
-    let mut names = BTreeSet::new();
+    if model.extension().is_some_and(|kind| kind == "mjb") {
+        return Some(Inputs {
+            candidates: vec![model.to_path_buf()],
+            has_assets: false,
+        });
+    }
+    let mut unread = vec![model.to_path_buf()];
+    let mut read = BTreeSet::new();
+    let (mut xml, mut assets) = (BTreeSet::new(), BTreeSet::new());
     let mut bases = BTreeSet::new();
     let mut sub_dirs = BTreeSet::from([String::new()]);
-    let mut candidates: Vec<PathBuf> = vec![model.to_path_buf()];
-    let is_xml = |path: &Path| {
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or_default();
-        ["xml", "mjcf", "urdf"].contains(&extension.to_lowercase().as_str())
-    };
-    loop {
-        let next = (candidates.iter().enumerate())
-            .find(|(i, path)| {
-                (*i == 0 || is_xml(path)) && !visited.contains(*path) && path.is_file()
-            })
-            .map(|(_, path)| path.clone());
-        let Some(path) = next else { break };
-        visited.insert(path.clone());
+    while let Some(path) = unread.pop() {
+        if !read.insert(path.clone()) {
+            continue;
+        }
         let text = std::fs::read_to_string(&path).ok()?;
         let document = roxmltree::Document::parse(&text).ok()?;
         bases.insert(path.parent()?.to_path_buf());
         for node in document.descendants().filter(roxmltree::Node::is_element) {
-            if matches!(node.tag_name().name(), "plugin" | "extension") {
+            let tag = node.tag_name().name();
+            if matches!(tag, "plugin" | "extension") {
                 return None;
             }
             for attribute in node.attributes() {
+                let value = attribute.value().to_owned();
                 match attribute.name() {
                     "meshdir" | "texturedir" | "assetdir" => {
-                        sub_dirs.insert(attribute.value().to_owned());
+                        sub_dirs.insert(value);
                     }
-                    name if name.starts_with("file") && !attribute.value().is_empty() => {
-                        names.insert(attribute.value().to_owned());
+                    name if !name.starts_with("file") || value.is_empty() => {}
+                    _ if matches!(tag, "include" | "model") => {
+                        xml.insert(value);
                     }
-                    _ => {}
+                    _ => {
+                        assets.insert(value);
+                    }
                 }
             }
         }
-        // MuJoCo may look in any of these, by rules of its own; whatever lies there counts.
-        candidates.truncate(1);
-        for name in &names {
-            let bare = Path::new(name).file_name().map(Path::new);
-            for (base, sub) in bases
-                .iter()
-                .flat_map(|b| sub_dirs.iter().map(move |s| (b, s)))
-            {
-                let dir = base.join(sub);
-                candidates.push(dir.join(name));
-                candidates.extend(bare.filter(|b| *b != Path::new(name)).map(|b| dir.join(b)));
-            }
+        let parts = xml.iter().flat_map(|name| places(name, &bases, &sub_dirs));
+        unread.extend(parts.filter(|path| path.is_file() && !read.contains(path)));
+        if read.len() > MOST_FILES {
+            return None;
         }
+    }
+    let mut candidates = vec![model.to_path_buf()];
+    for name in xml.iter().chain(&assets) {
+        let places = places(name, &bases, &sub_dirs);
+        if !places.iter().any(|path| path.is_file()) {
+            return None;
+        }
+        candidates.extend(places);
         if candidates.len() > MOST_FILES {
             return None;
         }
     }
-    let found = |name: &String| {
-        let bare = Path::new(name).file_name();
-        candidates[1..]
-            .iter()
-            .any(|path| path.file_name() == bare && path.is_file())
-    };
-    (!visited.is_empty() && names.iter().all(found)).then(|| Inputs {
-        has_assets: candidates[1..].iter().any(|path| !is_xml(path)),
+    Some(Inputs {
         candidates,
+        has_assets: !assets.is_empty(),
     })
 }
 
@@ -196,33 +204,28 @@ fn through(
     Ok(model)
 }
 
-fn hex(digest: impl AsRef<[u8]>) -> String {
-    digest
-        .as_ref()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
-}
-
 /// The name of the entry for these files; `None` if one cannot be read.
 fn key(inputs: &[PathBuf]) -> Option<String> {
-    let mut hash = Sha256::new();
-    hash.update(MAGIC);
+    let mut parts = MAGIC.to_vec();
     for word in [
         mujoco_version(),
         std::env::consts::ARCH,
         std::env::consts::OS,
     ] {
-        hash.update(word.as_bytes());
-        hash.update([0]);
+        parts.extend(word.as_bytes());
+        parts.push(0);
     }
     for path in inputs.iter().filter(|path| path.is_file()) {
-        let absolute = std::path::absolute(path).ok()?;
-        hash.update(absolute.as_os_str().as_encoded_bytes());
-        hash.update([0]);
-        hash.update(Sha256::digest(std::fs::read(path).ok()?));
+        parts.extend(
+            std::path::absolute(path)
+                .ok()?
+                .as_os_str()
+                .as_encoded_bytes(),
+        );
+        parts.push(0);
+        parts.extend(Sha256::digest(std::fs::read(path).ok()?));
     }
-    Some(hex(hash.finalize()))
+    Some(sha256(&parts))
 }
 
 /// An entry's model; `None` if there is none, or not one that this program wrote whole.
