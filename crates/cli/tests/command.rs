@@ -5,10 +5,11 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 /// Overrides that make a run short.
-const SHORT: [&str; 7] = [
+const SHORT: [&str; 8] = [
     "--set=collect.strides=[6]",
     "--set=algorithm.iterations=1",
-    "--set=algorithm.evaluation_strides=0",
+    "--set=algorithm.evaluation_strides=2",
+    "--set=algorithm.evaluation_discard=0",
     "--set=learner.actor_critic.trials=10",
     "--set=record.strides=3",
     "--set=record.iteration_strides=2",
@@ -56,7 +57,7 @@ fn learn_writes_a_run_that_every_other_command_takes_up() {
     let summary = json(&learn(dir.path(), "run", &["--seed", "3"]));
     assert_eq!(summary["experiment"], "stepping");
     assert_eq!(summary["seed"], 3);
-    assert_eq!(summary["strides"]["training"], 6);
+    assert_eq!(summary["strides"]["training"], 8);
     assert_eq!(summary["final"]["strides"], 3);
     assert!(summary["nominal"]["mean_reward"].as_f64().unwrap() < -0.05);
     let run = dir.path().join("run");
@@ -124,7 +125,7 @@ fn learn_writes_a_run_that_every_other_command_takes_up() {
         dir.path(),
         &["fit", "run/transitions.csv", "--json"],
     ));
-    assert_eq!(fitted["samples"], 6);
+    assert_eq!(fitted["samples"], 8);
     assert!(stridemap(dir.path(), &["report", "run"]).status.success());
 }
 
@@ -234,16 +235,21 @@ fn the_verbs_one_by_one_give_what_learn_gives() {
             .success()
     );
     assert!(learn(dir.path(), "learn", &[]).status.success());
-    for file in ["transitions.csv", "map/1.json", "policy/1.json"] {
-        let read = |run: &str| std::fs::read(dir.path().join(run).join(file)).unwrap();
-        assert!(read("verbs") == read("learn"), "{file}");
-    }
     // What is missing is made by resuming.
     let resumed = json(&stridemap(
         dir.path(),
         &["learn", "--resume", "verbs", "--json"],
     ));
     assert_eq!(resumed["final"]["strides"], 3);
+    for file in [
+        "transitions.csv",
+        "map/1.json",
+        "policy/1.json",
+        "policy/final.json",
+    ] {
+        let read = |run: &str| std::fs::read(dir.path().join(run).join(file)).unwrap();
+        assert!(read("verbs") == read("learn"), "{file}");
+    }
 }
 
 #[test]
@@ -390,7 +396,8 @@ fn the_small_humanoids_figures_say_what_the_run_recorded() {
     assert_eq!(read("fig14.csv").lines().count(), 41);
     // The strides behind the map, as they are in the log.
     let log = read("runs/small-stepping-1/transitions.csv");
-    let reached = log.lines().filter(|l| l.contains(",crossing,")).count();
+    let explored = log.lines().filter(|l| l.contains(",collect,"));
+    let reached = explored.filter(|l| l.contains(",crossing,")).count();
     let drawn = read("fig13.csv");
     assert_eq!(
         drawn.lines().filter(|l| l.starts_with("stride,")).count(),

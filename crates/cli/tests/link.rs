@@ -10,10 +10,12 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-/// Overrides that make a run short: two iterations of eight strides.
-const SHORT: [&str; 7] = [
+/// Overrides that make a run short: two iterations of eight strides and two of the policy.
+const SHORT: [&str; 9] = [
     "--set=collect.strides=[8]",
     "--set=algorithm.iterations=2",
+    "--set=algorithm.evaluation_strides=2",
+    "--set=algorithm.evaluation_discard=0",
     "--set=learner.actor_critic.trials=10",
     "--set=record.strides=3",
     "--set=record.iteration_strides=2",

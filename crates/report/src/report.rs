@@ -151,10 +151,10 @@ fn action_figure(run: &Run) -> ActionFigure {
 fn what_it_learned(run: &Run) -> Section {
     let mut section = Section::new("map", "What did it learn?");
     let training = |until: u32| -> Vec<StrideRow> {
-        let datum = |s: &&StrideRow| {
-            s.role == "training" && s.iteration <= until && s.end != StrideEnd::Aborted
-        };
-        run.transitions.iter().filter(datum).cloned().collect()
+        let data = run.map_strides(until);
+        data.filter(|s| s.end != StrideEnd::Aborted)
+            .cloned()
+            .collect()
     };
     let chosen = run.summary.as_ref().and_then(|s| s.final_iteration);
     let policies = run.policies.iter();

@@ -188,6 +188,15 @@ impl Run {
         usize::try_from(discard).ok()
     }
 
+    /// The training strides that the map of an iteration was fitted to: those made before it. (An iteration's
+    /// policy is tried after that; its strides train the next map.)
+    pub fn map_strides(&self, iteration: u32) -> impl Iterator<Item = &StrideRow> {
+        self.transitions.iter().filter(move |s| {
+            let before = s.iteration < iteration || s.phase != "evaluate";
+            s.role == "training" && s.iteration <= iteration && before
+        })
+    }
+
     /// The speed of a measured policy as the run recorded it: of `nominal`, `iteration-1`, ..., `final`.
     #[must_use]
     pub fn speed_m_s(&self, what: &str) -> Option<f64> {

@@ -6,7 +6,7 @@ use std::path::Path;
 use stridemap_lab::run::Summary;
 use stridemap_report::ReportError;
 use stridemap_report::figures::{Fig14, MapFigure, Shot, Strip, TimeLapse, View, fig13, fig14};
-use stridemap_report::run::{Recording, Run, StrideEnd, StrideRow};
+use stridemap_report::run::{Recording, Run, StrideEnd};
 
 use super::runs::{Runs, RunsOfTask};
 use super::{Row, row, spread, write_strips};
@@ -101,14 +101,15 @@ fn missing(run: &Run, what: &str) -> Failure {
 fn first_map(run: &Run) -> Result<MapFigure, Failure> {
     let grid = run.grids.iter().find(|g| g.0 == 1);
     let (iteration, grid) = grid.ok_or_else(|| missing(run, "no map of the first iteration"))?;
-    let datum = |s: &&StrideRow| {
-        s.role == "training" && s.iteration <= *iteration && s.end == StrideEnd::Crossing
-    };
+    let data = run.map_strides(*iteration);
     Ok(MapFigure {
         iteration: *iteration,
         columns: run.columns.clone(),
         grid: grid.clone(),
-        strides: run.transitions.iter().filter(datum).cloned().collect(),
+        strides: data
+            .filter(|s| s.end == StrideEnd::Crossing)
+            .cloned()
+            .collect(),
     })
 }
 
@@ -121,8 +122,6 @@ fn roll_at_sections(run: &Run) -> Result<Fig14, Failure> {
             .collect()
     };
     let psi_roll_deg = sections("iteration-1");
-    let iteration = run.summary.as_ref().and_then(|s| s.iterations.first());
-    let iteration = iteration.ok_or_else(|| missing(run, "no first iteration"))?;
     let target_deg = run
         .target_deg()
         .ok_or_else(|| missing(run, "no desired angle in config.toml"))?;
@@ -131,7 +130,7 @@ fn roll_at_sections(run: &Run) -> Result<Fig14, Failure> {
         psi_roll_deg,
         nominal_psi_roll_deg: sections("nominal"),
         target_deg,
-        samples: usize::try_from(iteration.strides).unwrap_or(usize::MAX),
+        samples: run.map_strides(1).count(),
     })
 }
 
