@@ -48,20 +48,21 @@ fn names(error: &LabError, path: &Path) {
 fn task_files() {
     let slot = Slot::new("task.toml");
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments");
-    for dir in [own, corpus("task")] {
-        fuzz("task", &Corpus::read(&dir).unwrap(), |_, bytes| {
-            let path = slot.with(bytes);
-            match builtin::load_file(&path, &[]) {
-                Ok(loaded) => {
-                    loaded.task.process_spec().unwrap();
-                    // What is written down is the same task.
-                    let again = slot.with(loaded.resolved.as_bytes());
-                    assert_eq!(builtin::load_file(&again, &[]).unwrap().task, loaded.task);
-                }
-                Err(error) => names(&error, &path),
+    let corpus = Corpus::read(&own)
+        .unwrap()
+        .and(Corpus::read(&corpus("task")).unwrap());
+    fuzz("task", &corpus, |_, bytes| {
+        let path = slot.with(bytes);
+        match builtin::load_file(&path, &[]) {
+            Ok(loaded) => {
+                loaded.task.process_spec().unwrap();
+                // What is written down is the same task.
+                let again = slot.with(loaded.resolved.as_bytes());
+                assert_eq!(builtin::load_file(&again, &[]).unwrap().task, loaded.task);
             }
-        });
-    }
+            Err(error) => names(&error, &path),
+        }
+    });
 }
 
 #[test]

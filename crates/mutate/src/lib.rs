@@ -64,6 +64,13 @@ impl Corpus {
         Ok(Self(files.map(read).collect::<std::io::Result<_>>()?))
     }
 
+    /// The files of both.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        self.0.extend(other.0);
+        self
+    }
+
     /// The same and one more file.
     #[must_use]
     pub fn with(mut self, name: &str, bytes: Vec<u8>) -> Self {
