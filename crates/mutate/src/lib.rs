@@ -97,7 +97,7 @@ impl Corpus {
 
     /// Which file, and what is done to it.
     fn cases(&self) -> impl Strategy<Value = (usize, Vec<Mutation>)> + use<> {
-        (0..self.0.len(), prop::collection::vec(mutation(), 1..6))
+        (0..self.0.len(), prop::collection::vec(mutation(), 1..4))
     }
 }
 

@@ -226,7 +226,7 @@ mod tests {
         assert_eq!(found(is_name), [&b"reward"[..], b"5e", b"k_2"]);
     }
 
-    /// Half of what is made is nearly right: a task of which one number is another.
+    /// Most of what is made is nearly right: a file but for a stretch of it.
     #[test]
     fn mutants_keep_most_of_a_file() {
         let file: Vec<u8> = (0..200)
