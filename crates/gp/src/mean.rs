@@ -98,7 +98,12 @@ impl Frame {
         out[0] = 1.0;
         if mean == Mean::Linear {
             for d in 0..x.len() {
-                out[1 + d] = (x[d] - self.centre[d]) / self.spread_or_one(d);
+                // The rounding of a constant column is no slope.
+                out[1 + d] = if self.spread[d] > 0.0 {
+                    (x[d] - self.centre[d]) / self.spread[d]
+                } else {
+                    0.0
+                };
             }
         }
     }

@@ -386,6 +386,16 @@ fn an_input_constant_to_rounding_is_constant() {
         gp.predict(&[2.0, 0.3 + 1e-10]).unwrap(),
     );
     assert!((on.mean - beside.mean).abs() < 1e-6 && (on.mean - 2.0_f64.sin()).abs() < 1e-2);
+    // A slope along it is not determined, as along one that is constant to the bit.
+    let linear = FitOptions {
+        mean: Mean::Linear,
+        ..FitOptions::default()
+    };
+    let error = Gp::fit(Points::new(&x, 2).unwrap(), &y, &linear, &mut rng).unwrap_err();
+    assert!(
+        matches!(error, GpError::MeanNotIdentifiable { .. }),
+        "{error}"
+    );
     // Targets that differ by rounding are equal.
     let level: Vec<f64> = (0..40)
         .map(|i| if i % 2 == 0 { 0.3 } else { 0.1 + 0.2 })
