@@ -298,6 +298,9 @@ fn text(path: &Path) -> Result<String, LabError> {
     })
 }
 
+/// Most that anything in a file of strides counts to.
+const MOST: usize = 1_000_000_000;
+
 /// One line of a file of strides, its cells by the names of their columns.
 struct Row<'a> {
     path: &'a Path,
@@ -335,8 +338,11 @@ impl Row<'_> {
 
     fn count(&self, name: &str) -> Result<usize, LabError> {
         let text = self.cell(name)?;
-        text.parse()
-            .map_err(|_| self.fault(format!("{name} = {text:?} is not a whole number")))
+        let count = text.parse::<usize>().ok().filter(|count| *count <= MOST);
+        count.ok_or_else(|| {
+            let bound = "is not a whole number of at most 1000000000";
+            self.fault(format!("{name} = {text:?} {bound}"))
+        })
     }
 
     fn word(&self, name: &str, words: &[&'static str]) -> Result<usize, LabError> {

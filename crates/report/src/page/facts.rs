@@ -103,7 +103,7 @@ pub(super) fn remarks(run: &Run) -> String {
             run.summary.as_ref().and_then(|s| s.final_policy),
         ),
     ] {
-        if let Some(m) = measured.filter(|m| m.falls + m.stalls > 0) {
+        if let Some(m) = measured.filter(|m| m.falls > 0 || m.stalls > 0) {
             says.push((
                 true,
                 format!(

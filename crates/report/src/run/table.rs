@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{ReportError, Result};
 
+/// Most that anything in a run counts to.
+const MOST: u64 = 1_000_000_000;
+
 /// A CSV file in memory.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table {
@@ -110,15 +113,18 @@ impl Table {
             .map_err(|_| self.cell_error(*line, &self.header[column], text, "a number"))
     }
 
-    /// A count; an empty cell is 0.
+    /// A count, small enough to be added to; an empty cell is 0.
     pub(crate) fn count(&self, row: usize, column: usize) -> Result<u64> {
         let (line, cells) = &self.rows[row];
         let text = &cells[column];
         if text.is_empty() {
             return Ok(0);
         }
-        text.parse()
-            .map_err(|_| self.cell_error(*line, &self.header[column], text, "a whole number"))
+        let count = text.parse::<u64>().ok().filter(|count| *count <= MOST);
+        count.ok_or_else(|| {
+            let expected = "a whole number of at most 1,000,000,000";
+            self.cell_error(*line, &self.header[column], text, expected)
+        })
     }
 
     /// A word.
@@ -164,6 +170,9 @@ mod tests {
     #[test]
     fn a_bad_cell_is_named_with_its_line() {
         let table = Table::parse(Path::new("t.csv"), "a,b\n1,2\n3,x\n").unwrap();
+        let beyond = Table::parse(Path::new("t.csv"), "k\n18446744073709551615\n").unwrap();
+        let message = beyond.count(0, 0).unwrap_err().to_string();
+        assert!(message.contains("t.csv, line 2: column `k`"), "{message}");
         let message = table.number(1, 1).unwrap_err().to_string();
         assert_eq!(
             message,
