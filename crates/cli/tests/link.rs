@@ -23,6 +23,9 @@ const SHORT: [&str; 9] = [
     "--set=record.pose_seconds=0.5",
 ];
 
+/// Strides of such a run, in the budget.
+const STRIDES: usize = 2 * (8 + 2);
+
 /// One robot at a time: several share too little of a small machine.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
@@ -150,7 +153,7 @@ fn a_controller_that_is_killed_goes_on_without_losing_a_stride() {
     controller.0.kill().unwrap();
     controller.0.wait().unwrap();
     let before = rows(dir);
-    assert!(before.len() < 16, "killed too late: {}", before.len());
+    assert!(before.len() < STRIDES, "killed too late: {}", before.len());
     let mut again = start(dir, &["learn", "--resume", "run", "--yes"]);
     assert!(end(&mut again), "{}", read(dir.join("learn.log")));
     let after = rows(dir);
@@ -159,7 +162,7 @@ fn a_controller_that_is_killed_goes_on_without_losing_a_stride() {
         before[..],
         "strides from before are the first"
     );
-    assert_eq!(crossings(dir), 16);
+    assert_eq!(crossings(dir), STRIDES);
     assert!(dir.join("run/summary.json").exists() && dir.join("run/log-2.mcap").exists());
     let first = (
         "before the first stride".to_owned(),
@@ -214,7 +217,7 @@ fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() 
     stop(dir, 21, &["--rearm"]);
     say(&mut stdin, "y");
     assert!(end(&mut controller), "{}", log());
-    assert_eq!(crossings(dir), 16, "the aborted stride is none of them");
+    assert_eq!(crossings(dir), STRIDES, "the aborted stride is none of them");
     let asked = answers(dir);
     let answered: Vec<&str> = asked.iter().map(|(_, a)| a.as_str()).collect();
     assert_eq!(answered, ["no", "yes", "yes", "yes"], "{asked:?}");
@@ -266,7 +269,7 @@ fn ctrl_c_is_an_emergency_stop_that_stays() {
     assert!(end(&mut again), "{}", read(dir.join("learn.log")));
     let after = rows(dir);
     assert_eq!(after[..before.len()], before[..]);
-    assert_eq!(crossings(dir), 16);
+    assert_eq!(crossings(dir), STRIDES);
 }
 
 #[test]
