@@ -217,7 +217,11 @@ fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() 
     stop(dir, 21, &["--rearm"]);
     say(&mut stdin, "y");
     assert!(end(&mut controller), "{}", log());
-    assert_eq!(crossings(dir), STRIDES, "the aborted stride is none of them");
+    assert_eq!(
+        crossings(dir),
+        STRIDES,
+        "the aborted stride is none of them"
+    );
     let asked = answers(dir);
     let answered: Vec<&str> = asked.iter().map(|(_, a)| a.as_str()).collect();
     assert_eq!(answered, ["no", "yes", "yes", "yes"], "{asked:?}");
@@ -335,4 +339,90 @@ fn a_log_gives_the_strides_again_without_a_robot() {
             }
         }
     }
+}
+
+/// A log without some of its messages.
+fn without(log: &Path, to: &Path, drop: impl Fn(&str, usize) -> bool) {
+    let bytes = std::fs::read(log).unwrap();
+    let file = std::fs::File::create(to).unwrap();
+    let mut writer = mcap::WriteOptions::new()
+        .compression(None)
+        .create(std::io::BufWriter::new(file))
+        .unwrap();
+    let mut seen = std::collections::BTreeMap::<String, usize>::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let topic = &message.channel.topic;
+        let nth = seen.entry(topic.clone()).or_default();
+        *nth += 1;
+        if !drop(topic, *nth - 1) {
+            writer.write(&message).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_lost_message_of_a_log_costs_its_strides_and_changes_no_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let stridemap = |words: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_stridemap"))
+            .current_dir(dir)
+            .args(words)
+            .output()
+            .unwrap()
+    };
+    let collected = stridemap(&["collect", "small-stepping", "--log", "--out", "run"]);
+    assert!(collected.status.success(), "{collected:?}");
+    let log = dir.join("run/log.mcap");
+    let from = |name: &str| {
+        let (log, out) = (format!("{name}.mcap"), format!("{name}.csv"));
+        let read = stridemap(&["collect", "small-stepping", "--from", &log, "--out", &out]);
+        let table = read_rows(&dir.join(out));
+        (
+            read.status.code(),
+            table,
+            String::from_utf8_lossy(&read.stderr).into_owned(),
+        )
+    };
+    without(&log, &dir.join("whole.mcap"), |_, _| false);
+    let (code, whole, _) = from("whole");
+    assert_eq!((code, whole.len()), (Some(0), 20));
+
+    without(&log, &dir.join("action.mcap"), |topic, nth| {
+        topic == "/stridemap/action" && nth == 5
+    });
+    let (code, rows, told) = from("action");
+    assert_eq!(code, Some(0));
+    assert_eq!(rows, [&whole[..5], &whole[7..]].concat(), "{told}");
+    assert!(told.contains("1 left out for want of an action"), "{told}");
+
+    without(&log, &dir.join("gap.mcap"), |topic, nth| {
+        topic == "/joint_states" && (1500..1625).contains(&nth)
+    });
+    let (code, rows, told) = from("gap");
+    let (aborted, before) = rows.split_last().unwrap();
+    assert_eq!((code, before), (Some(0), &whole[..before.len()]));
+    assert!(
+        before.len() > 5 && aborted.contains(",aborted,"),
+        "{aborted}"
+    );
+    assert!(
+        told.contains("no state for 1.008 s of robot time"),
+        "{told}"
+    );
+
+    without(&log, &dir.join("none.mcap"), |topic, _| {
+        topic == "/stridemap/action"
+    });
+    let (code, rows, told) = from("none");
+    assert_eq!((code, rows.len()), (Some(1), 0));
+    assert!(told.contains("no /stridemap/action"), "{told}");
+}
+
+/// The rows of a table of strides, without its head.
+fn read_rows(path: &Path) -> Vec<String> {
+    let text = read(path.to_path_buf());
+    text.lines().skip(1).map(ToOwned::to_owned).collect()
 }

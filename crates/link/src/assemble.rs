@@ -375,9 +375,9 @@ impl Assembler {
         {
             return None;
         }
-        let silent = streams
-            .iter()
-            .filter(|(_, at)| at.is_none_or(|at| at + self.within_ns < newest));
+        let silent = streams.iter().filter(|(_, at)| {
+            at.is_none_or(|at| seconds(newest.saturating_sub(at)) > self.period_s)
+        });
         let silent: Vec<&str> = silent.map(|(what, _)| *what).collect();
         Some(if silent.is_empty() {
             format!("a whole reading ({})", self.heard())
@@ -427,3 +427,6 @@ pub(crate) fn gap(before_ns: u64, now_ns: u64, config: &Ros2Config) -> Option<St
     let gap_s = seconds(now_ns.saturating_sub(before_ns));
     (gap_s > config.gap_s).then(|| format!("no state for {gap_s:.3} s of robot time"))
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,7 @@ use stridemap_robot::{JointLimits, Ros2Config, SensorFrame};
 
 use crate::assemble::{self, Assembler, Part, off_pace};
 use crate::error::LinkError;
-use crate::journal::{ACTION, EPISODE};
+use crate::journal::{ACTION, EPISODE, SECTION};
 use crate::mcap_file::{self, Findings, Raw};
 use crate::messages::{
     Float64MultiArray, Imu, JointState, RosMessage, RosTime, Text, WrenchStamped, from_cdr,
@@ -37,6 +37,8 @@ pub struct LoggedEpisode {
     pub frames: Vec<SensorFrame>,
     /// What the policy asked for.
     pub actions: Vec<LoggedAction>,
+    /// Sections that whoever wrote the log found: robot time as in `actions`, `ψ_roll` in degrees.
+    pub sections: Vec<(f64, f64)>,
     /// Why no more readings follow.
     pub end: String,
 }
@@ -76,6 +78,7 @@ enum Kind {
     Foot(usize),
     Episode,
     Action,
+    Section,
 }
 
 const SENSORS: [Kind; 4] = [Kind::Joints, Kind::Imu, Kind::Foot(0), Kind::Foot(1)];
@@ -90,11 +93,18 @@ impl Kind {
             Self::Foot(_) => (&link.right_foot, "link.right_foot", WrenchStamped::TYPE),
             Self::Episode => (EPISODE, "where the robot starts anew", Text::TYPE),
             Self::Action => (ACTION, "what the policy asked for", Float64MultiArray::TYPE),
+            Self::Section => (
+                SECTION,
+                "where sections were found",
+                Float64MultiArray::TYPE,
+            ),
         }
     }
 
     fn of(topic: &str, link: &Ros2Config) -> Option<Self> {
-        let all = SENSORS.into_iter().chain([Self::Episode, Self::Action]);
+        let all = SENSORS
+            .into_iter()
+            .chain([Self::Episode, Self::Action, Self::Section]);
         all.into_iter().find(|kind| kind.about(link).0 == topic)
     }
 
@@ -103,7 +113,7 @@ impl Kind {
             Self::Joints => from_cdr(data).map(Part::Joints),
             Self::Imu => from_cdr(data).map(Part::Imu),
             Self::Foot(side) => from_cdr(data).map(|w| Part::Foot(side, w)),
-            Self::Episode | Self::Action => None,
+            Self::Episode | Self::Action | Self::Section => None,
         }
     }
 }
@@ -223,7 +233,10 @@ pub fn read_log(
         open: None,
     };
     let marked = sorted.entries.iter().any(|e| e.kind == Kind::Episode);
-    if !marked {
+    if !marked && findings.promised.contains_key(EPISODE) {
+        let lost = format!("every {EPISODE} is lost: where the robot started is not known");
+        reader.report.notes.push(lost);
+    } else if !marked {
         reader.report.notes.push(format!(
             "no {EPISODE}: the whole log counts as one start of the robot"
         ));
@@ -243,10 +256,51 @@ struct Open {
     frames: Vec<SensorFrame>,
     /// Stamps of joint states, and the actions after them.
     actions: Vec<(u64, Vec<f64>)>,
+    sections: Vec<(u64, f64)>,
     newest_ns: Option<u64>,
+    /// When the newest joint states were logged.
+    logged_ns: u64,
     /// By how much each sensor's clock is ahead of the joint states'.
     ahead_ns: BTreeMap<Kind, i128>,
     end: Option<String>,
+}
+
+impl Open {
+    /// Takes note of the next joint states; an error is why the episode ends before them.
+    fn step(
+        &mut self,
+        part: &Part,
+        log_time_ns: u64,
+        link: &Ros2Config,
+        assembler: &mut Assembler,
+    ) -> Result<(), String> {
+        let stamp = part.header().stamp.nanoseconds();
+        match (self.newest_ns, self.began_ns) {
+            (Some(newest), _) => {
+                if let Some(gap) = assemble::gap(newest, stamp, link) {
+                    let logged_ns = log_time_ns.saturating_sub(self.logged_ns);
+                    let jumped = logged_ns.saturating_add(TWO_CLOCKS_NS) < stamp - newest;
+                    let why = if jumped {
+                        " (its clock went on by itself)"
+                    } else {
+                        ""
+                    };
+                    return Err(gap + why);
+                }
+            }
+            (None, began) => {
+                assembler.zero_ns = stamp;
+                let after_ns = began.map_or(0, |began| log_time_ns.saturating_sub(began));
+                let after_s = after_ns as f64 / 1e9;
+                if after_s > link.gap_s {
+                    return Err(format!("its first {after_s:.3} s are not in the log"));
+                }
+            }
+        }
+        self.newest_ns = Some(self.newest_ns.map_or(stamp, |newest| newest.max(stamp)));
+        self.logged_ns = log_time_ns;
+        Ok(())
+    }
 }
 
 struct EpisodeReader<'a> {
@@ -294,9 +348,15 @@ impl EpisodeReader<'_> {
             self.report.outside += 1;
             return;
         };
-        if entry.kind == Kind::Action {
+        if matches!(entry.kind, Kind::Action | Kind::Section) {
             match (from_cdr::<Float64MultiArray>(&entry.data), open.newest_ns) {
-                (Some(action), Some(newest)) => open.actions.push((newest, action.data)),
+                (Some(numbers), Some(newest)) if entry.kind == Kind::Action => {
+                    open.actions.push((newest, numbers.data));
+                }
+                (Some(numbers), Some(newest)) => {
+                    open.sections
+                        .extend(numbers.data.get(1).map(|psi_deg| (newest, *psi_deg)));
+                }
                 (Some(_), None) => self.report.outside += 1,
                 (None, _) => *self.unreadable.entry(entry.kind).or_default() += 1,
             }
@@ -311,19 +371,14 @@ impl EpisodeReader<'_> {
             let stamp = i128::from(header.stamp.nanoseconds()) - ahead;
             header.stamp = RosTime::from_nanoseconds(u64::try_from(stamp).unwrap_or(0));
         }
-        if entry.kind == Kind::Joints {
-            let stamp = part.header().stamp.nanoseconds();
-            if open.newest_ns.is_none() {
-                self.assembler.zero_ns = stamp;
-                let after_s = open.began_ns.map_or(0.0, |began| {
-                    entry.log_time_ns.saturating_sub(began) as f64 / 1e9
-                });
-                if after_s > self.link.gap_s {
-                    open.end = Some(format!("its first {after_s:.3} s are not in the log"));
-                    return;
-                }
+        if entry.kind == Kind::Joints
+            && let Err(end) = open.step(&part, entry.log_time_ns, self.link, &mut self.assembler)
+        {
+            self.gather(false);
+            if let Some(open) = &mut self.open {
+                open.end.get_or_insert(end);
             }
-            open.newest_ns = Some(open.newest_ns.map_or(stamp, |newest| newest.max(stamp)));
+            return;
         }
         let source = u128::from(entry.channel_id);
         if let Err(error) = self.assembler.push(part, source, &mut self.counts) {
@@ -344,8 +399,10 @@ impl EpisodeReader<'_> {
             let Some(frame) = self.assembler.next(waits, &mut self.counts) else {
                 return;
             };
-            if let (Some(before), Some(now)) = (before, self.assembler.last_ns) {
-                open.end = assemble::gap(before, now, self.link);
+            match (before, self.assembler.last_ns) {
+                (Some(before), Some(now)) => open.end = assemble::gap(before, now, self.link),
+                _ if open.began_ns.is_none() => open.end = moves(&frame, self.link),
+                _ => {}
             }
             if open.end.is_none() {
                 open.frames.push(frame);
@@ -363,7 +420,7 @@ impl EpisodeReader<'_> {
         let gaps_ns = times.map(|w| ((w[1].time_s - w[0].time_s) * 1e9).round() as u64);
         if let Some(why) = off_pace(gaps_ns.collect(), self.period_s) {
             open.frames.clear();
-            open.end = Some(why);
+            open.end = Some(format!("{why}; heard: {}", self.assembler.heard()));
         }
         let silent_ns = match (open.newest_ns, self.assembler.last_ns) {
             (Some(newest), Some(last)) => newest.saturating_sub(last),
@@ -378,9 +435,10 @@ impl EpisodeReader<'_> {
             "the log ends here".into()
         });
         let zero = self.assembler.zero_ns;
+        let time_s = |stamp: u64| stamp.saturating_sub(zero) as f64 / 1e9;
         let mut actions: Vec<LoggedAction> = Vec::new();
         for (stamp, action) in open.actions {
-            let time_s = stamp.saturating_sub(zero) as f64 / 1e9;
+            let time_s = time_s(stamp);
             let action = LoggedAction { time_s, action };
             if actions.last() == Some(&action) {
                 self.counts.doubled += 1;
@@ -391,6 +449,11 @@ impl EpisodeReader<'_> {
         self.episodes.push(LoggedEpisode {
             frames: open.frames,
             actions,
+            sections: open
+                .sections
+                .iter()
+                .map(|(at, psi)| (time_s(*at), *psi))
+                .collect(),
             end,
         });
     }
@@ -441,6 +504,15 @@ impl EpisodeReader<'_> {
     }
 }
 
+/// What is wrong with the first reading of a log that does not say where the robot starts.
+fn moves(frame: &SensorFrame, link: &Ros2Config) -> Option<String> {
+    let rates = frame.joints.iter().map(|j| j.velocity_rad_s.abs());
+    let fastest = rates.fold(0.0, f64::max);
+    (fastest > link.still_rad_s).then(|| {
+        format!("it begins while the robot moves (a joint turns at {fastest:.2} rad/s): this is no start")
+    })
+}
+
 /// By how much each sensor's clock is ahead of the joint states', where that is too much to be the way to the
 /// recorder: judged by when the episode's first messages were logged.
 fn clocks(entries: &[Entry]) -> BTreeMap<Kind, i128> {
@@ -465,3 +537,6 @@ fn clocks(entries: &[Entry]) -> BTreeMap<Kind, i128> {
         .filter(|(_, ahead)| ahead.unsigned_abs() > u128::from(TWO_CLOCKS_NS))
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -42,7 +42,7 @@ pub(crate) struct Raw<'a> {
 pub(crate) struct Findings {
     /// What is damaged or cut off, and where.
     pub damages: Vec<String>,
-    /// Messages per topic that the file says it has, if it was closed.
+    /// The topics that it describes, with the number of messages that it says it has, if it was closed.
     pub promised: BTreeMap<String, u64>,
 }
 
@@ -407,11 +407,10 @@ impl Contents<'_> {
             ));
         }
         let mut promised: BTreeMap<String, u64> = BTreeMap::new();
-        for (id, count) in &self.counts {
-            if let Some(channel) = self.channels.get(id) {
-                let sum = promised.entry(channel.topic.clone()).or_default();
-                *sum = sum.saturating_add(*count);
-            }
+        for (id, channel) in self.channels {
+            let count = self.counts.get(&id).copied().unwrap_or(0);
+            let sum = promised.entry(channel.topic).or_default();
+            *sum = sum.saturating_add(count);
         }
         Findings {
             damages: self.damages,

@@ -374,9 +374,11 @@ pub(crate) fn to_cdr<M: RosMessage>(message: &M) -> Option<Vec<u8>> {
 /// A message from CDR with its encapsulation header.
 pub(crate) fn from_cdr<M: RosMessage>(bytes: &[u8]) -> Option<M> {
     let (head, body) = bytes.split_at_checked(4)?;
-    let read = match head[1] & 1 {
-        1 => cdr_encoding::from_bytes::<M, byteorder::LittleEndian>(body),
-        _ => cdr_encoding::from_bytes::<M, byteorder::BigEndian>(body),
+    let read = match head[..2] {
+        [0, 1] => cdr_encoding::from_bytes::<M, byteorder::LittleEndian>(body),
+        [0, 0] => cdr_encoding::from_bytes::<M, byteorder::BigEndian>(body),
+        // Another encoding than plain CDR.
+        _ => return None,
     };
     read.ok().map(|(message, _)| message)
 }

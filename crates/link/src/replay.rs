@@ -14,6 +14,8 @@ pub struct Repeated {
     pub left: usize,
     /// Actions of the episode under way.
     pub actions: Vec<LoggedAction>,
+    /// Its sections, as the log has them: robot time and `ψ_roll` in degrees.
+    pub sections: Vec<(f64, f64)>,
 }
 
 /// A machine that repeats a log, whatever it is commanded.
@@ -37,7 +39,7 @@ impl ReplayMachine {
     ) -> Self {
         let repeated = Repeated {
             left: episodes.len(),
-            actions: Vec::new(),
+            ..Repeated::default()
         };
         Self {
             description: MachineDescription {
@@ -90,6 +92,7 @@ impl Machine for ReplayMachine {
         if let Ok(mut repeated) = self.repeated.lock() {
             repeated.left = self.episodes.len();
             repeated.actions = std::mem::take(&mut self.episode.actions);
+            repeated.sections = std::mem::take(&mut self.episode.sections);
         }
         self.step(&[])
     }

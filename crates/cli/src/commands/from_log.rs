@@ -186,6 +186,9 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
         plant: task.plant_on(Box::new(robot))?,
         limits: task.action_limits()?,
         within_s: link.gap_s,
+        sections: 0,
+        unlike: 0,
+        unlike_by_deg: 0.0,
         transitions: Vec::new(),
         left_out: LeftOut::default(),
         notes: report.notes.clone(),
@@ -194,6 +197,13 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
     while held(&repeated).left > 0 {
         made.episode(episode, &repeated)?;
         episode += 1;
+    }
+    if 2 * made.unlike > made.sections {
+        made.notes.push(format!(
+            "{} of {} sections have another psi_roll than the log says, by up to {:.2} deg: another model, unit, \
+             offset or section than when it was written",
+            made.unlike, made.sections, made.unlike_by_deg
+        ));
     }
     let aborted = |t: &&Transition| t.end == StrideEnd::Aborted;
     let aborted = made.transitions.iter().filter(aborted).count();
@@ -215,6 +225,10 @@ struct Made {
     limits: Vec<ActionLimits>,
     /// An action belongs to the section that is this near in time.
     within_s: f64,
+    /// Sections that the log has as well, and how far those of another `ψ_roll` are off at most.
+    sections: usize,
+    unlike: usize,
+    unlike_by_deg: f64,
     transitions: Vec<Transition>,
     left_out: LeftOut,
     notes: Vec<String>,
@@ -225,6 +239,25 @@ impl Made {
         self.notes.push(format!("episode {episode}: {why}"));
     }
 
+    /// Compares the section just found with the log's own.
+    fn compare(&mut self, sections: &[(f64, f64)]) {
+        /// More than a lost message makes of a section.
+        const LIKE_DEG: f64 = 0.1;
+        let now_s = self.plant.robot().state().time_s;
+        let psi_deg = self.plant.last_measures().psi_roll_deg;
+        let near = sections
+            .iter()
+            .filter(|(at, _)| (at - now_s).abs() <= self.within_s);
+        let off = near
+            .map(|(_, logged)| (logged - psi_deg).abs())
+            .min_by(f64::total_cmp);
+        if let Some(off_deg) = off {
+            self.sections += 1;
+            self.unlike += usize::from(off_deg > LIKE_DEG);
+            self.unlike_by_deg = self.unlike_by_deg.max(off_deg);
+        }
+    }
+
     /// The strides of the next episode.
     fn episode(
         &mut self,
@@ -233,7 +266,9 @@ impl Made {
     ) -> Result<(), Failure> {
         let mut rng = stream(0, Role::Collect, 0);
         let started = self.plant.reset(&mut rng);
-        let actions = std::mem::take(&mut held(repeated).actions);
+        let Repeated {
+            actions, sections, ..
+        } = held(repeated).clone();
         let mut state = match started {
             Ok(state) => state,
             Err(error) => {
@@ -300,6 +335,7 @@ impl Made {
             if stride.end != StrideEnd::Crossing {
                 break;
             }
+            self.compare(&sections);
             state = stride.next_state;
         }
         self.left_out.actions_without_stride += actions.len() - used;
