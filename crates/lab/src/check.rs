@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
-use stridemap_returnmap::StrideEnd;
+use stridemap_returnmap::{ProcessError, StrideEnd};
 use stridemap_robot::{Robot, Side};
 
 use crate::error::LabError;
@@ -235,7 +235,18 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
     let transitions = match transitions {
         Ok(transitions) => transitions,
         Err(LabError::Process(error)) => {
-            report.item("section map", false, error.to_string());
+            let found = match &error {
+                ProcessError::World(cause) => match cause.downcast_ref() {
+                    Some(LabError::NominalGaitFails { time_s, fall, .. }) => {
+                        format!(
+                            "the nominal gait falls in its start, after {time_s:.1} s: {fall}; {TRY}"
+                        )
+                    }
+                    _ => error.to_string(),
+                },
+                _ => error.to_string(),
+            };
+            report.item("section map", false, found);
             return Ok(());
         }
         Err(error) => return Err(error),
