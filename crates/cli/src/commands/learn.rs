@@ -226,6 +226,12 @@ pub fn start_or_go_on(
         None => Ok((start(name, loaded, path, common, stop, watcher)?, "made")),
         Some(run) => {
             let how = if run.is_complete() {
+                output::note(format!(
+                    "{}: taken as it is, begun {} by version {}",
+                    path.display(),
+                    run.provenance.start,
+                    run.provenance.version
+                ));
                 "taken"
             } else {
                 "finished"
