@@ -107,6 +107,7 @@ impl RunDirectory {
             refuse_occupied(&aside, task)?; // Of a killed process, or somebody else's.
             create_dir(&aside)?;
             let lock = lock(&aside)?;
+            sweep(&aside)?;
             build(&aside, path, task, provenance)?;
             std::fs::rename(&aside, &place).map_err(|source| LabError::File {
                 path: path.into(),
