@@ -3,6 +3,7 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use stridemap_lab::run::lock;
 use stridemap_report::run::Run;
 use stridemap_report::{
     RERUN_STREAM, comparison, view_lines, write_figures, write_mcap, write_report,
@@ -23,11 +24,18 @@ fn read(path: &Path) -> Result<Run, Failure> {
 
 /// Draws the figures and the page of one run into its directory; returns the page's path.
 pub fn draw(path: &Path) -> Result<PathBuf, Failure> {
-    let run = read(path)?;
-    write_figures(&run, &path.join("figures"))?;
-    let page = path.join("report.html");
-    write_report(std::slice::from_ref(&run), &page)?;
-    Ok(page)
+    let events = || std::fs::metadata(path.join("events.ndjson")).map_or(0, |file| file.len());
+    loop {
+        let seen = events();
+        let run = read(path)?;
+        write_figures(&run, &path.join("figures"))?;
+        let page = path.join("report.html");
+        write_report(std::slice::from_ref(&run), &page)?;
+        // Who writes the run draws it at the end; one that ended meanwhile may have drawn it before us.
+        if events() == seen || lock(path).is_err() {
+            return Ok(page);
+        }
+    }
 }
 
 /// Draws several runs on one page, and the figure over all of them as files beside it, under figures/.
