@@ -89,17 +89,19 @@ pub fn resolver<'t>(
 ///
 /// [`ResolveError::Unreadable`].
 pub fn task_text(file: &Path) -> Result<TaskText, ResolveError> {
-    match std::fs::read_to_string(file) {
-        Ok(text) => Ok(TaskText {
-            source_name: file.display().to_string(),
-            text,
-            base_dir: Some(file.parent().unwrap_or(Path::new("")).to_owned()),
-        }),
-        Err(error) => Err(ResolveError::Unreadable {
-            name: file.display().to_string(),
-            reason: error.to_string(),
-        }),
-    }
+    let unreadable = |name: String, reason: String| ResolveError::Unreadable { name, reason };
+    let name = file.display().to_string();
+    let bytes = std::fs::read(file).map_err(|e| unreadable(name.clone(), e.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
+        unreadable(format!("{name}:{line}"), "is no text (UTF-8)".into())
+    })?;
+    Ok(TaskText {
+        source_name: name,
+        text,
+        base_dir: Some(file.parent().unwrap_or(Path::new("")).to_owned()),
+    })
 }
 
 /// The merged tree of a task and all it stands on, and their sources, the task's own first.
