@@ -252,8 +252,7 @@ fn started(error: LabError, seen: &Extremes) -> LabError {
 
 impl FailureConfig {
     /// Refuses a price of a fall that is not clearly lower than what a stride of the nominal gait earns:
-    /// a learner would be paid for falling. It must cost more than two such strides, the one that ends in
-    /// the fall and the one that would have followed.
+    /// a learner would be paid for falling. It must cost a quarter more than such a stride.
     ///
     /// (That walking on for ever is worth more than one fall is too much to ask: −0.1 a stride at a
     /// discount of 0.95 comes to −2, and a learner that sees an end of it does not choose to fall.)
@@ -272,8 +271,8 @@ impl FailureConfig {
     /// # Ok::<(), stridemap_lab::LabError>(())
     /// ```
     pub fn refuse_price(&self, nominal_mean_reward: f64) -> Result<(), Invalid> {
-        const STRIDES: f64 = 2.0;
-        let most = nominal_mean_reward.min(STRIDES * nominal_mean_reward);
+        const CLEARLY: f64 = 1.25;
+        let most = nominal_mean_reward.min(CLEARLY * nominal_mean_reward);
         if self.reward < most {
             return Ok(());
         }
