@@ -166,7 +166,7 @@ impl Log {
             })
         };
         match keep {
-            Keep::Lines => log.kept_bytes = ends.last().unwrap_or(0) as u64,
+            Keep::Lines => log.kept_bytes = ends.next_back().unwrap_or(0) as u64,
             Keep::Rows(keep) => {
                 // Not even a header: killed at its birth.
                 let Some(first) = ends.next().or((keep > 0).then_some(0)) else {
