@@ -108,9 +108,14 @@ fn ctrl_c_is_heard_in_the_middle_of_a_computation_and_the_run_stays() {
 #[test]
 fn a_hangup_that_was_ignored_at_the_start_stays_ignored() {
     let dir = tempfile::tempdir().unwrap();
-    for (trap, ignored) in [("trap '' HUP;", true), ("", false)] {
-        let script = format!("{trap} exec '{STRIDEMAP}' robot op3 --domain 138 --seconds 100000");
-        let mut robot = start(dir.path(), "sh", &["-c", &script]);
+    // `env` sets what is inherited, whatever this test was started with.
+    for (disposition, ignored) in [
+        ("--ignore-signal=HUP", true),
+        ("--default-signal=HUP", false),
+    ] {
+        let robot = ["robot", "op3", "--domain=138", "--seconds=100000"];
+        let words = [&[disposition, STRIDEMAP], &robot[..]].concat();
+        let mut robot = start(dir.path(), "env", &words);
         let caught = || {
             let path = format!("/proc/{}/status", robot.0.id());
             let status = std::fs::read_to_string(path).ok()?;
