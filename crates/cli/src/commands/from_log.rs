@@ -199,11 +199,14 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
         episode += 1;
     }
     if 2 * made.unlike > made.sections {
-        made.notes.push(format!(
-            "{} of {} sections have another psi_roll than the log says, by up to {:.2} deg: another model, unit, \
-             offset or section than when it was written",
-            made.unlike, made.sections, made.unlike_by_deg
-        ));
+        return Err(Failure::working(format!(
+            "{}: {} of {} sections have another psi_roll than the log says, by up to {:.2} deg: the task has another \
+             model, unit, offset, sign or section than when the log was written; nothing was taken from it",
+            log.display(),
+            made.unlike,
+            made.sections,
+            made.unlike_by_deg
+        )));
     }
     let aborted = |t: &&Transition| t.end == StrideEnd::Aborted;
     let aborted = made.transitions.iter().filter(aborted).count();

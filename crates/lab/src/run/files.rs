@@ -122,6 +122,7 @@ pub struct Log {
     header: String,
     file: Option<File>,
     rows: usize,
+    keep: Keep,
     /// Bytes that are kept; 0: the log begins anew.
     kept_bytes: u64,
     cut_line: bool,
@@ -150,6 +151,7 @@ impl Log {
             header: header.into(),
             file: None,
             rows: 0,
+            keep,
             kept_bytes: 0,
             cut_line: old.last().is_some_and(|byte| *byte != b'\n'),
         };
@@ -166,7 +168,7 @@ impl Log {
             })
         };
         match keep {
-            Keep::Lines => log.kept_bytes = ends.next_back().unwrap_or(0) as u64,
+            Keep::Lines => log.kept_bytes = whole_lines(&old),
             Keep::Rows(keep) => {
                 // Not even a header: killed at its birth.
                 let Some(first) = ends.next().or((keep > 0).then_some(0)) else {
@@ -209,13 +211,18 @@ impl Log {
     }
 
     fn opened(&self) -> Result<File, LabError> {
-        if self.kept_bytes == 0 {
+        let kept_bytes = match self.keep {
+            Keep::Rows(_) => self.kept_bytes,
+            // Lines may have come since it was looked at: what a person was asked before the first stride.
+            Keep::Lines => fs::read(&self.path).map_or(0, |bytes| whole_lines(&bytes)),
+        };
+        if kept_bytes == 0 {
             write_whole(&self.path, format!("{}\n", self.header).as_bytes())?;
         }
         let opened = OpenOptions::new().append(true).open(&self.path);
         let opened = opened.and_then(|file| {
-            if self.kept_bytes > 0 && file.metadata()?.len() > self.kept_bytes {
-                file.set_len(self.kept_bytes)?;
+            if kept_bytes > 0 && file.metadata()?.len() > kept_bytes {
+                file.set_len(kept_bytes)?;
             }
             Ok(file)
         });
@@ -258,6 +265,12 @@ impl Log {
     pub const fn has_cut_line(&self) -> bool {
         self.cut_line
     }
+}
+
+/// Bytes up to the end of the last whole line.
+fn whole_lines(bytes: &[u8]) -> u64 {
+    let end = bytes.iter().rposition(|byte| *byte == b'\n');
+    end.map_or(0, |end| end as u64 + 1)
 }
 
 #[cfg(test)]
