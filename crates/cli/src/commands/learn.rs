@@ -186,7 +186,7 @@ pub fn go_on(
         &Doing::Learn,
         Some(&run.path),
     )?;
-    directory.goes_on(&algorithm.progress)?;
+    directory.goes_on()?;
     finish(&mut algorithm, &mut directory)
 }
 

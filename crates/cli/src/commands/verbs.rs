@@ -82,7 +82,7 @@ fn next_batch(run: &FinishedRun, common: &Common) -> Result<(), Failure> {
         &Doing::Collect,
         Some(&run.path),
     )?;
-    directory.goes_on(&algorithm.progress)?;
+    directory.goes_on()?;
     if learns && !algorithm.catch_up(&mut directory)? {
         return Err(Failure::working(format!(
             "{0}: every batch is made; `stridemap learn --resume {0}` measures the final policy",
@@ -255,7 +255,7 @@ pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
             path.display()
         )));
     }
-    directory.goes_on(&algorithm.progress)?;
+    directory.goes_on()?;
     let map = algorithm.fit(&mut directory)?;
     algorithm.improve(&map, &mut directory)?;
     let summary = directory.write_summary(&algorithm.progress)?;

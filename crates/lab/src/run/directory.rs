@@ -52,6 +52,8 @@ pub struct RunDirectory {
     events: Log,
     stop: Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
+    /// Strides of a batch that was broken off, which a robot behind a link cannot repeat.
+    unfinished: usize,
     /// The map just fitted, until the policy that comes of it is known.
     fitted: Option<(usize, LearnedMap)>,
     /// Nobody else writes here meanwhile.
@@ -142,6 +144,7 @@ impl RunDirectory {
             events: Log::open(&path.join(EVENTS), EVENTS_HEADER, Keep::Lines)?,
             stop,
             watcher,
+            unfinished: 0,
             fitted: None,
             _lock: lock,
         })
@@ -188,7 +191,9 @@ impl RunDirectory {
         falls.extend(RobotFall::among(&unfinished.unwrap_or_default()));
         task.check_fall_budget(&falls)?;
         sweep(path)?;
-        let directory = Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher)?;
+        let mut directory =
+            Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher)?;
+        directory.unfinished = progress.unfinished.len();
         Ok((directory, progress))
     }
 
@@ -213,13 +218,13 @@ impl RunDirectory {
     /// # Errors
     ///
     /// [`LabError::File`].
-    pub fn goes_on(&mut self, progress: &Progress) -> Result<(), LabError> {
+    pub fn goes_on(&mut self) -> Result<(), LabError> {
         self.mend()?;
         self.event(
             "resumed",
             serde_json::json!({
                 "strides": self.transitions.rows(),
-                "of_an_unfinished_batch": progress.unfinished.len(),
+                "of_an_unfinished_batch": self.unfinished,
             }),
         )
     }
