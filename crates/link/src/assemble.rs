@@ -379,7 +379,10 @@ impl Assembler {
             at.is_none_or(|at| seconds(newest.saturating_sub(at)) > self.period_s)
         });
         let silent: Vec<&str> = silent.map(|(what, _)| *what).collect();
-        Some(if silent.is_empty() {
+        // Of clocks that differ the slower seems silent and is not.
+        let feet = self.feet.iter().any(Stream::never_pairs);
+        let apart = feet || self.imu.never_pairs();
+        Some(if silent.is_empty() || apart {
             format!("a whole reading ({})", self.heard())
         } else {
             silent.join(", ")
@@ -409,8 +412,11 @@ pub(crate) fn off_pace(mut gaps_ns: Vec<u64>, control_period_s: f64) -> Option<S
     gaps_ns.sort_unstable();
     let enough = gaps_ns.len() >= PACE_READINGS;
     let period_s = seconds(*gaps_ns.get(gaps_ns.len() / 2).filter(|_| enough)?);
+    let mean_s = gaps_ns.iter().copied().map(seconds).sum::<f64>() / gaps_ns.len() as f64;
     let tempo = control_period_s / period_s;
-    ((tempo - 1.0).abs() > PACE_TOLERANCE).then(|| {
+    // Lost messages lengthen the mean, stamps that jitter scatter the median: another rate moves both.
+    let off = |s: f64| (control_period_s / s - 1.0).abs() > PACE_TOLERANCE;
+    (off(period_s) && off(mean_s)).then(|| {
         format!(
             "a reading comes every {:.2} ms ({:.1} a second), and the task's robot.control_period_s is {:.2} ms \
              ({:.1} a second): the gait would run at {tempo:.2} of its tempo (another robot, or two publishers?)",

@@ -1,25 +1,23 @@
 //! Logs read back: the episodes of a file, read as the robot itself is heard.
 
+mod episodes;
+mod plausible;
+mod stamps;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
 use stridemap_robot::{JointLimits, Ros2Config, SensorFrame};
 
-use crate::assemble::{self, Assembler, Part, off_pace};
+use self::episodes::EpisodeReader;
+use crate::assemble::{Assembler, Part};
 use crate::error::LinkError;
 use crate::journal::{ACTION, EPISODE, SECTION};
-use crate::mcap_file::{self, Findings, Raw};
+use crate::mcap_file::{self, Raw};
 use crate::messages::{
-    Float64MultiArray, Imu, JointState, RosMessage, RosTime, Text, WrenchStamped, from_cdr,
-    stamp_of,
+    Float64MultiArray, Imu, JointState, RosMessage, Text, WrenchStamped, from_cdr, stamp_of,
 };
-use crate::remote::LinkCounts;
-
-/// Stamps of two sensors that are this far apart as their messages are logged come from two clocks.
-const TWO_CLOCKS_NS: u64 = 1_000_000_000;
-/// Messages by which clocks are compared.
-const CLOCK_MESSAGES: usize = 64;
 
 /// What the policy asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +39,8 @@ pub struct LoggedEpisode {
     pub sections: Vec<(f64, f64)>,
     /// Why no more readings follow.
     pub end: String,
+    /// Actions that were logged after that.
+    pub actions_after_end: usize,
 }
 
 /// What was found in a log, and what of it could not be used.
@@ -121,6 +121,8 @@ impl Kind {
 /// A message that matters, as it lies in the file.
 struct Entry {
     log_time_ns: u64,
+    /// The header's stamp, if it has one from 0 on.
+    stamp_ns: Option<u64>,
     kind: Kind,
     channel_id: u16,
     data: Box<[u8]>,
@@ -158,6 +160,10 @@ impl Sorted {
         } else {
             self.entries.push(Entry {
                 log_time_ns: raw.log_time_ns,
+                stamp_ns: SENSORS
+                    .contains(&kind)
+                    .then(|| stamp_of(raw.data))
+                    .flatten(),
                 kind,
                 channel_id: raw.channel_id,
                 data: raw.data.into(),
@@ -222,16 +228,14 @@ pub fn read_log(
     }
     // Recorders of several threads write what they receive in nearly, not quite, the order of its time.
     sorted.entries.sort_by_key(|entry| entry.log_time_ns);
-    let mut reader = EpisodeReader {
-        link,
-        period_s,
-        assembler,
-        counts: LinkCounts::default(),
-        report: LogReport::default(),
-        unreadable: BTreeMap::new(),
-        episodes: Vec::new(),
-        open: None,
-    };
+    let mut reader = EpisodeReader::new(link, period_s, assembler);
+    for (kind, most_s) in stamps::even_out(&mut sorted.entries, link.gap_s) {
+        reader.report.notes.push(format!(
+            "the stamps of {} jitter: they count as even ticks, up to {:.1} ms from where they were",
+            kind.about(link).0,
+            1e3 * most_s
+        ));
+    }
     let marked = sorted.entries.iter().any(|e| e.kind == Kind::Episode);
     if !marked && findings.promised.contains_key(EPISODE) {
         let lost = format!("every {EPISODE} is lost: where the robot started is not known");
@@ -246,296 +250,13 @@ pub fn read_log(
         reader.take(entry, &sorted.entries[at..]);
     }
     reader.finish();
+    if let Some(why) = plausible::contradiction(&reader.episodes, link) {
+        return Err(LinkError::Log {
+            path: path.into(),
+            problem: format!("gives no strides: {why}"),
+        });
+    }
     Ok(reader.told(&sorted, findings))
-}
-
-/// An episode that is being read.
-#[derive(Default)]
-struct Open {
-    began_ns: Option<u64>,
-    frames: Vec<SensorFrame>,
-    /// Stamps of joint states, and the actions after them.
-    actions: Vec<(u64, Vec<f64>)>,
-    sections: Vec<(u64, f64)>,
-    newest_ns: Option<u64>,
-    /// When the newest joint states were logged.
-    logged_ns: u64,
-    /// By how much each sensor's clock is ahead of the joint states'.
-    ahead_ns: BTreeMap<Kind, i128>,
-    end: Option<String>,
-}
-
-impl Open {
-    /// Takes note of the next joint states; an error is why the episode ends before them.
-    fn step(
-        &mut self,
-        part: &Part,
-        log_time_ns: u64,
-        link: &Ros2Config,
-        assembler: &mut Assembler,
-    ) -> Result<(), String> {
-        let stamp = part.header().stamp.nanoseconds();
-        match (self.newest_ns, self.began_ns) {
-            (Some(newest), _) => {
-                if let Some(gap) = assemble::gap(newest, stamp, link) {
-                    let logged_ns = log_time_ns.saturating_sub(self.logged_ns);
-                    let jumped = logged_ns.saturating_add(TWO_CLOCKS_NS) < stamp - newest;
-                    let why = if jumped {
-                        " (its clock went on by itself)"
-                    } else {
-                        ""
-                    };
-                    return Err(gap + why);
-                }
-            }
-            (None, began) => {
-                assembler.zero_ns = stamp;
-                let after_ns = began.map_or(0, |began| log_time_ns.saturating_sub(began));
-                let after_s = after_ns as f64 / 1e9;
-                if after_s > link.gap_s {
-                    return Err(format!("its first {after_s:.3} s are not in the log"));
-                }
-            }
-        }
-        self.newest_ns = Some(self.newest_ns.map_or(stamp, |newest| newest.max(stamp)));
-        self.logged_ns = log_time_ns;
-        Ok(())
-    }
-}
-
-struct EpisodeReader<'a> {
-    link: &'a Ros2Config,
-    period_s: f64,
-    assembler: Assembler,
-    counts: LinkCounts,
-    report: LogReport,
-    unreadable: BTreeMap<Kind, u64>,
-    episodes: Vec<LoggedEpisode>,
-    open: Option<Open>,
-}
-
-impl EpisodeReader<'_> {
-    fn begin(&mut self, entries: &[Entry], began_ns: Option<u64>) {
-        self.finish();
-        self.assembler.begin_anew();
-        let ahead_ns = clocks(entries);
-        for (kind, ahead) in &ahead_ns {
-            let ahead_s = *ahead as f64 / 1e9;
-            self.report.notes.push(format!(
-                "episode {}: the clock of {} is {ahead_s:+.3} s from the joint states'; the two were brought \
-                 together by when they were logged",
-                self.episodes.len(),
-                kind.about(self.link).0
-            ));
-        }
-        self.open = Some(Open {
-            began_ns,
-            ahead_ns,
-            ..Open::default()
-        });
-    }
-
-    /// Takes the next message in; `from_here` are it and those that follow.
-    fn take(&mut self, entry: &Entry, from_here: &[Entry]) {
-        if entry.kind == Kind::Episode {
-            // A start that is told twice is one.
-            self.open
-                .take_if(|open| open.newest_ns.is_none() && open.end.is_none());
-            self.begin(&from_here[1..], Some(entry.log_time_ns));
-            return;
-        }
-        let Some(open) = self.open.as_mut().filter(|open| open.end.is_none()) else {
-            self.report.outside += 1;
-            return;
-        };
-        if matches!(entry.kind, Kind::Action | Kind::Section) {
-            match (from_cdr::<Float64MultiArray>(&entry.data), open.newest_ns) {
-                (Some(numbers), Some(newest)) if entry.kind == Kind::Action => {
-                    open.actions.push((newest, numbers.data));
-                }
-                (Some(numbers), Some(newest)) => {
-                    open.sections
-                        .extend(numbers.data.get(1).map(|psi_deg| (newest, *psi_deg)));
-                }
-                (Some(_), None) => self.report.outside += 1,
-                (None, _) => *self.unreadable.entry(entry.kind).or_default() += 1,
-            }
-            return;
-        }
-        let Some(mut part) = entry.kind.read(&entry.data) else {
-            *self.unreadable.entry(entry.kind).or_default() += 1;
-            return;
-        };
-        if let Some(ahead) = open.ahead_ns.get(&entry.kind) {
-            let header = part.header_mut();
-            let stamp = i128::from(header.stamp.nanoseconds()) - ahead;
-            header.stamp = RosTime::from_nanoseconds(u64::try_from(stamp).unwrap_or(0));
-        }
-        if entry.kind == Kind::Joints
-            && let Err(end) = open.step(&part, entry.log_time_ns, self.link, &mut self.assembler)
-        {
-            self.gather(false);
-            if let Some(open) = &mut self.open {
-                open.end.get_or_insert(end);
-            }
-            return;
-        }
-        let source = u128::from(entry.channel_id);
-        if let Err(error) = self.assembler.push(part, source, &mut self.counts) {
-            self.gather(false);
-            if let Some(open) = &mut self.open {
-                open.end.get_or_insert(error.to_string());
-            }
-            return;
-        }
-        self.gather(true);
-    }
-
-    /// Takes the readings that are whole now.
-    fn gather(&mut self, waits: bool) {
-        let Some(open) = &mut self.open else { return };
-        while open.end.is_none() {
-            let before = self.assembler.last_ns;
-            let Some(frame) = self.assembler.next(waits, &mut self.counts) else {
-                return;
-            };
-            match (before, self.assembler.last_ns) {
-                (Some(before), Some(now)) => open.end = assemble::gap(before, now, self.link),
-                _ if open.began_ns.is_none() => open.end = moves(&frame, self.link),
-                _ => {}
-            }
-            if open.end.is_none() {
-                open.frames.push(frame);
-            }
-        }
-    }
-
-    /// Ends the open episode.
-    fn finish(&mut self) {
-        self.gather(false);
-        let Some(mut open) = self.open.take() else {
-            return;
-        };
-        let times = open.frames.windows(2);
-        let gaps_ns = times.map(|w| ((w[1].time_s - w[0].time_s) * 1e9).round() as u64);
-        if let Some(why) = off_pace(gaps_ns.collect(), self.period_s) {
-            open.frames.clear();
-            open.end = Some(format!("{why}; heard: {}", self.assembler.heard()));
-        }
-        let silent_ns = match (open.newest_ns, self.assembler.last_ns) {
-            (Some(newest), Some(last)) => newest.saturating_sub(last),
-            (newest, _) => newest.map_or(0, |_| u64::MAX),
-        };
-        let end = open.end.unwrap_or_else(|| {
-            if silent_ns as f64 / 1e9 > self.link.gap_s
-                && let Some(missing) = self.assembler.missing()
-            {
-                return format!("silent: {missing}");
-            }
-            "the log ends here".into()
-        });
-        let zero = self.assembler.zero_ns;
-        let time_s = |stamp: u64| stamp.saturating_sub(zero) as f64 / 1e9;
-        let mut actions: Vec<LoggedAction> = Vec::new();
-        for (stamp, action) in open.actions {
-            let time_s = time_s(stamp);
-            let action = LoggedAction { time_s, action };
-            if actions.last() == Some(&action) {
-                self.counts.doubled += 1;
-            } else {
-                actions.push(action);
-            }
-        }
-        self.episodes.push(LoggedEpisode {
-            frames: open.frames,
-            actions,
-            sections: open
-                .sections
-                .iter()
-                .map(|(at, psi)| (time_s(*at), *psi))
-                .collect(),
-            end,
-        });
-    }
-
-    /// The episodes, and what was found.
-    fn told(mut self, sorted: &Sorted, findings: Findings) -> (Vec<LoggedEpisode>, LogReport) {
-        let report = &mut self.report;
-        for (kind, count) in &self.unreadable {
-            let (topic, _, (package, name)) = kind.about(self.link);
-            let packed = sorted
-                .entries
-                .iter()
-                .any(|e| e.kind == *kind && e.data.starts_with(b"\x28\xb5\x2f\xfd"));
-            let why = if packed {
-                " (each is compressed with zstd: record with `--compression-mode file` or none)"
-            } else {
-                ""
-            };
-            report.unreadable += count;
-            report.notes.push(format!(
-                "{count} messages on {topic} cannot be read as {package}/msg/{name}{why}"
-            ));
-        }
-        let joints = &self.link.joint_states;
-        if let Some(what) = self.assembler.wiring().untold() {
-            report.notes.push(format!(
-                "{joints} does not tell every joint's {what}: it counts as 0, in the strides' energy as well"
-            ));
-        }
-        let promised = findings.promised.get(joints).copied().unwrap_or(0);
-        report.lost = promised.saturating_sub(sorted.topics.get(joints).copied().unwrap_or(0));
-        report.notes.extend(findings.damages);
-        if report.lost > 0 {
-            let lost = report.lost;
-            report.notes.push(format!(
-                "{lost} of {promised} messages on {joints} are lost"
-            ));
-        }
-        let kept = self.episodes.iter().map(|e| e.frames.len() as u64);
-        report.readings = kept.sum();
-        report.episodes = self.episodes.len();
-        report.missed = self.counts.missed;
-        report.unpaired = self.counts.unpaired;
-        report.doubled = self.counts.doubled;
-        report.late = self.counts.out_of_order;
-        report.unusable = self.counts.unusable;
-        (self.episodes, self.report)
-    }
-}
-
-/// What is wrong with the first reading of a log that does not say where the robot starts.
-fn moves(frame: &SensorFrame, link: &Ros2Config) -> Option<String> {
-    let rates = frame.joints.iter().map(|j| j.velocity_rad_s.abs());
-    let fastest = rates.fold(0.0, f64::max);
-    (fastest > link.still_rad_s).then(|| {
-        format!("it begins while the robot moves (a joint turns at {fastest:.2} rad/s): this is no start")
-    })
-}
-
-/// By how much each sensor's clock is ahead of the joint states', where that is too much to be the way to the
-/// recorder: judged by when the episode's first messages were logged.
-fn clocks(entries: &[Entry]) -> BTreeMap<Kind, i128> {
-    let until = entries.iter().position(|e| e.kind == Kind::Episode);
-    let entries = &entries[..until.unwrap_or(entries.len())];
-    let ahead_of_log = |kind: Kind| {
-        let mut ahead: Vec<i128> = entries
-            .iter()
-            .filter(|e| e.kind == kind)
-            .filter_map(|e| Some(i128::from(stamp_of(&e.data)?) - i128::from(e.log_time_ns)))
-            .take(CLOCK_MESSAGES)
-            .collect();
-        ahead.sort_unstable();
-        ahead.get(ahead.len() / 2).copied()
-    };
-    let Some(joints) = ahead_of_log(Kind::Joints) else {
-        return BTreeMap::new();
-    };
-    let others = SENSORS.into_iter().filter(|kind| *kind != Kind::Joints);
-    others
-        .filter_map(|kind| Some((kind, ahead_of_log(kind)? - joints)))
-        .filter(|(_, ahead)| ahead.unsigned_abs() > u128::from(TWO_CLOCKS_NS))
-        .collect()
 }
 
 #[cfg(test)]

@@ -390,7 +390,7 @@ pub(crate) fn stamp_of(bytes: &[u8]) -> Option<u64> {
         1 => (i32::from_le_bytes(word(4)?), u32::from_le_bytes(word(8)?)),
         _ => (i32::from_be_bytes(word(4)?), u32::from_be_bytes(word(8)?)),
     };
-    Some(RosTime { sec, nanosec }.nanoseconds())
+    (sec >= 0).then(|| RosTime { sec, nanosec }.nanoseconds())
 }
 
 /// A reading as messages.

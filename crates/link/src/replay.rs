@@ -16,6 +16,8 @@ pub struct Repeated {
     pub actions: Vec<LoggedAction>,
     /// Its sections, as the log has them: robot time and `ψ_roll` in degrees.
     pub sections: Vec<(f64, f64)>,
+    /// Actions that were logged after its readings' end.
+    pub after_end: usize,
 }
 
 /// A machine that repeats a log, whatever it is commanded.
@@ -93,6 +95,7 @@ impl Machine for ReplayMachine {
             repeated.left = self.episodes.len();
             repeated.actions = std::mem::take(&mut self.episode.actions);
             repeated.sections = std::mem::take(&mut self.episode.sections);
+            repeated.after_end = self.episode.actions_after_end;
         }
         self.step(&[])
     }

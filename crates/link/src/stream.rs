@@ -110,6 +110,13 @@ impl<T: PartialEq> Stream<T> {
         self.oldest_ns = self.oldest_ns.min(stamp);
         self.newest_ns = Some(self.newest_ns.map_or(stamp, |newest| newest.max(stamp)));
         self.check_source(source, header)?;
+        if header.stamp.sec < 0 {
+            return Err(said(format!(
+                "the stamps of {} are before 0 ({:.3} s): its publisher's clock is not set",
+                self.topic,
+                header.stamp.seconds()
+            )));
+        }
         self.zeros = if stamp == 0 { self.zeros + 1 } else { 0 };
         let before = self.parts.get(&stamp);
         let differs = before.is_some_and(|before| *before != value);
@@ -155,6 +162,11 @@ impl<T: PartialEq> Stream<T> {
         }
         self.paired = true;
         Some((at, self.parts.keys().next_back() >= Some(&stamp)))
+    }
+
+    /// Whether it is heard, but not with stamps that are those of any joint state.
+    pub fn never_pairs(&self) -> bool {
+        self.apart_ns.is_some() && !self.paired
     }
 
     /// Whether what would be the partner of a joint state has not come though later ones have.

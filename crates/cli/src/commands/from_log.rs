@@ -238,8 +238,17 @@ struct Made {
 }
 
 impl Made {
-    fn note(&mut self, episode: usize, why: &dyn std::fmt::Display) {
-        self.notes.push(format!("episode {episode}: {why}"));
+    /// Takes note of why an episode's strides end, and of the actions that have none.
+    fn over(&mut self, episode: usize, why: Option<String>, without_stride: usize) {
+        self.left_out.actions_without_stride += without_stride;
+        let lost = match without_stride {
+            0 => String::new(),
+            1 => "; 1 action has no stride".into(),
+            n => format!("; {n} actions have no stride"),
+        };
+        if let Some(why) = why {
+            self.notes.push(format!("episode {episode}: {why}{lost}"));
+        }
     }
 
     /// Compares the section just found with the log's own.
@@ -270,16 +279,19 @@ impl Made {
         let mut rng = stream(0, Role::Collect, 0);
         let started = self.plant.reset(&mut rng);
         let Repeated {
-            actions, sections, ..
+            actions,
+            sections,
+            after_end,
+            ..
         } = held(repeated).clone();
         let mut state = match started {
             Ok(state) => state,
             Err(error) => {
-                self.note(episode, &error);
-                self.left_out.actions_without_stride += actions.len();
+                self.over(episode, Some(error.to_string()), actions.len() + after_end);
                 return Ok(());
             }
         };
+        let mut why = None;
         let mut applied = Applied::new(&self.limits).map_err(LabError::from)?;
         let mut used = 0;
         for k in 0.. {
@@ -301,13 +313,12 @@ impl Made {
             let stride = match stride {
                 Ok(stride) => stride,
                 Err(error) => {
-                    self.note(episode, &error);
+                    why = Some(error.to_string());
                     break;
                 }
             };
             if stride.end == StrideEnd::Aborted {
-                let why = self.plant.abort_reason().map(ToString::to_string);
-                self.note(episode, &why.unwrap_or_default());
+                why = self.plant.abort_reason().map(ToString::to_string);
             }
             if !applied.is_known() {
                 self.left_out.without_action += usize::from(wanted.is_none());
@@ -341,7 +352,7 @@ impl Made {
             self.compare(&sections);
             state = stride.next_state;
         }
-        self.left_out.actions_without_stride += actions.len() - used;
+        self.over(episode, why, actions.len() - used + after_end);
         Ok(())
     }
 }

@@ -9,7 +9,7 @@ use mcap::{Compression, WriteOptions};
 use stridemap_robot::{AngleUnit, JointState as JointReading};
 
 use super::*;
-use crate::messages::{Header, to_cdr, to_messages};
+use crate::messages::{Header, RosTime, to_cdr, to_messages};
 
 const READINGS: usize = 100;
 const PERIOD_NS: u64 = 8_000_000;
@@ -38,7 +38,7 @@ fn frame(k: usize) -> SensorFrame {
     let x = k as f64;
     let joint = |j: f64| JointReading {
         position_rad: 0.01 * x + 0.1 * j,
-        velocity_rad_s: -0.1 * x,
+        velocity_rad_s: 1.25,
         torque_nm: 0.2 * j,
     };
     SensorFrame {
@@ -158,6 +158,7 @@ fn clean() -> LoggedEpisode {
             .to_vec(),
         sections: Vec::new(),
         end: "the log ends here".into(),
+        actions_after_end: 0,
     }
 }
 
@@ -371,6 +372,19 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
             "the stamps of /joint_states are all 0",
         ),
         (
+            log(|_, tick| tick.joints.header.stamp.sec = -5),
+            0,
+            "the stamps of /joint_states are before 0 (-5.000 s)",
+        ),
+        (
+            log(|_, tick| {
+                let q = &mut tick.imu.data.orientation;
+                (q.x, q.y, q.z, q.w) = (q.w, q.x, q.y, q.z);
+            }),
+            0,
+            "in the order w, x, y, z",
+        ),
+        (
             log(|_, tick| tick.imu.data.orientation.w = 0.0),
             0,
             "/imu tells no orientation",
@@ -407,6 +421,8 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
         assert!(episode.end.contains(why), "{why:?}: {:?}", episode.end);
         let frames = episode.frames.len();
         assert!(frames.abs_diff(kept) <= 1, "{why:?}: {frames} readings");
+        let told = episode.actions.len() + episode.actions_after_end;
+        assert!(kept == 0 || told == 5, "{why:?}: {told} actions");
         let right = clean();
         assert_eq!(
             episode.frames[..frames.min(kept)],
@@ -417,6 +433,54 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
             kept == 0 || episode.actions.iter().all(|a| right.actions.contains(a)),
             "{why:?}"
         );
+    }
+}
+
+#[test]
+fn stamps_that_jitter_by_less_than_half_a_period_are_ticks() {
+    let off_ms = |k: usize, by: usize| (k * by + k * k % 11) as i64 % 7 - 3;
+    let (episode, report) = read(&log(|k, tick| {
+        let [left, right] = &mut tick.feet;
+        for (header, by) in [
+            (&mut tick.joints.header, 2),
+            (&mut tick.imu.header, 3),
+            (&mut left.header, 4),
+            (&mut right.header, 5),
+        ] {
+            shift(header, 1_000_000_000 + 1_000_000 * off_ms(k, by));
+        }
+    }));
+    assert_eq!((episode.frames.len(), report.unpaired), (READINGS, 0));
+    for (read, right) in episode.frames.iter().zip(clean().frames) {
+        assert!((read.time_s - right.time_s).abs() < 0.002);
+        assert_eq!((&read.joints, read.loads_n), (&right.joints, right.loads_n));
+    }
+    assert_eq!(report.notes.len(), 4, "{report:?}");
+}
+
+#[test]
+fn rates_in_another_unit_or_sign_than_the_angles_are_refused() {
+    let turning = |factor: f64| {
+        log(move |k, tick| {
+            let half_rad: f64 = 0.0025 * k as f64;
+            let q = &mut tick.imu.data.orientation;
+            (q.x, q.w) = half_rad.sin_cos();
+            tick.imu.data.angular_velocity = [factor * 0.625, 0.0, 0.0].into();
+        })
+    };
+    let rates = |factor: f64| {
+        log(move |_, tick| tick.joints.velocity.iter_mut().for_each(|v| *v *= factor))
+    };
+    assert_eq!(read(&turning(1.0)).0.frames.len(), READINGS);
+    for (messages, why) in [
+        (rates(57.3), "/joint_states are 57.3"),
+        (rates(57.3), "deg/s"),
+        (rates(-1.0), "opposite"),
+        (turning(57.3), "/imu is 57.3"),
+        (turning(-1.0), "opposite"),
+    ] {
+        let error = read_bytes(&bytes(&messages, None), &Ros2Config::default()).unwrap_err();
+        assert!(error.to_string().contains(why), "{error}");
     }
 }
 
