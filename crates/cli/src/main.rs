@@ -11,6 +11,8 @@ mod stop;
 use std::process::ExitCode;
 
 use clap::Parser;
+use clap::error::ErrorKind;
+use stridemap_lab::run::files;
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
@@ -24,6 +26,11 @@ fn main() -> ExitCode {
         Ok(cli) => run(cli.command),
         Err(said) => {
             output::usage(&said);
+            if said.kind() == ErrorKind::InvalidUtf8
+                && let Some(bad) = std::env::args_os().find(|word| word.to_str().is_none())
+            {
+                output::note(format!("{}: is not text (UTF-8)", bad.display()));
+            }
             if said.use_stderr() {
                 return ExitCode::from(2);
             }
@@ -39,7 +46,39 @@ fn main() -> ExitCode {
     }
 }
 
+/// Judges where a command is to write, before it does anything.
+fn check_out(command: &Command) -> Result<(), Failure> {
+    match command {
+        Command::Collect {
+            from: Some(_),
+            out: Some(file),
+            ..
+        }
+        | Command::Fit {
+            out: Some(file), ..
+        }
+        | Command::Run {
+            out: Some(file), ..
+        }
+        | Command::Report {
+            out: Some(file), ..
+        }
+        | Command::View {
+            out: Some(file), ..
+        }
+        | Command::Init { file: Some(file) } => files::check_file(file)?,
+        Command::Learn { out: Some(dir), .. }
+        | Command::Collect { out: Some(dir), .. }
+        | Command::Push { out: Some(dir), .. }
+        | Command::Compare { out: Some(dir), .. }
+        | Command::Reproduce { out: Some(dir), .. } => files::check_dir(dir)?,
+        _ => {}
+    }
+    Ok(())
+}
+
 fn run(command: Command) -> Result<(), Failure> {
+    check_out(&command)?;
     match command {
         Command::Learn {
             task,

@@ -2,7 +2,9 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)] // This is the place.
 
 use std::io::{ErrorKind, Write};
+use std::path::Path;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::Serialize;
 
@@ -32,16 +34,41 @@ pub fn written() -> Result<(), Failure> {
     }
 }
 
+/// Whether this process was started with its stdout closed (`>&-`).
+static CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Looks at stdout before Rust's runtime does, which puts /dev/null where it is closed.
+extern "C" fn look() {
+    let open = Path::new("/proc/self/fd");
+    CLOSED.store(
+        open.exists() && !open.join("1").is_symlink(),
+        Ordering::Relaxed,
+    );
+}
+
+#[used]
+#[allow(unsafe_code)] // A place among the functions that run first; `look` needs nothing of the runtime.
+#[unsafe(link_section = ".init_array")]
+static LOOK: extern "C" fn() = look;
+
+/// An error where stdout was closed at the start.
+fn open() -> std::io::Result<()> {
+    match CLOSED.load(Ordering::Relaxed) {
+        true => Err(std::io::Error::other("it is closed")),
+        false => Ok(()),
+    }
+}
+
 /// Prints a line of a result.
 pub fn line(text: impl AsRef<str>) {
-    keep(writeln!(std::io::stdout().lock(), "{}", text.as_ref()));
+    keep(open().and_then(|()| writeln!(std::io::stdout().lock(), "{}", text.as_ref())));
 }
 
 /// Prints what clap has to say: help and version are results, wrong usage is not.
 pub fn usage(said: &clap::Error) {
     let printed = said.print();
     if !said.use_stderr() {
-        keep(printed);
+        keep(open().and(printed));
     }
 }
 

@@ -113,10 +113,25 @@ pub struct RunProgress {
     iterations: usize,
     last_live: Option<Instant>,
     falls: usize,
+    /// During what the last fall was that was told.
+    fell: String,
     _ticker: Option<Ticker>,
 }
 
 impl RunProgress {
+    /// A watcher of a run that goes on.
+    pub fn after(task: &Task, progress: &Progress) -> Self {
+        let mut watcher = Self::new(task);
+        watcher.counts(progress);
+        watcher
+    }
+
+    /// Takes over what a run has counted.
+    fn counts(&mut self, progress: &Progress) {
+        self.learned = progress.transitions.len();
+        self.falls = progress.iterations.iter().map(|i| i.falls + i.stalls).sum();
+    }
+
     /// A watcher of a run of this task.
     pub fn new(task: &Task) -> Self {
         let state = Arc::new(Mutex::new(State {
@@ -141,6 +156,7 @@ impl RunProgress {
             iterations: 0,
             last_live: None,
             falls: 0,
+            fell: String::new(),
             _ticker: ticker,
         }
     }
@@ -257,12 +273,20 @@ impl Watcher for RunProgress {
         let did = self.did(t);
         let line = format!("{doing}: stride {count}, {did}");
         self.show(1, format!("falls {}; {line}", self.falls));
-        // A fall on the robot is told in a pipe as well, and at once.
-        if learning && t.fall.is_some() {
+        // A fall on the robot is told in a pipe as well, and at once; of a measured policy the first.
+        if t.fall.is_some() && (learning || self.fell != doing) {
             if self.live {
                 output::clear_status();
             }
-            output::note(line);
+            let outside = !self.task.counts_falls_in(t.phase);
+            output::note(
+                line + if outside {
+                    " (no part of the fall budget)"
+                } else {
+                    ""
+                },
+            );
+            self.fell = doing;
         }
     }
 
@@ -282,9 +306,7 @@ impl Watcher for RunProgress {
     fn phase(&mut self, phase: Phase, progress: &Progress) {
         let n = progress.iterations.len();
         let last = progress.iterations.last();
-        // After --resume the strides made before count as well.
-        self.learned = progress.transitions.len();
-        self.falls = progress.iterations.iter().map(|i| i.falls + i.stalls).sum();
+        self.counts(progress);
         match phase {
             Phase::Nominal => {
                 if let Some(p) = &progress.nominal {

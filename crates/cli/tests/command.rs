@@ -520,6 +520,13 @@ fn a_result_that_stdout_does_not_take_is_an_error() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
         assert!(stderr(&output).contains("stdout"), "{}", stderr(&output));
     }
+    // Closed, as by `>&-` in a shell; on /dev/null, which Rust opens in its place, nothing is wrong.
+    for (redirected, code) in [(">&-", 1), (">/dev/null", 0)] {
+        let line = format!("exec \"$0\" --version {redirected}");
+        let words = ["-c", &line, env!("CARGO_BIN_EXE_stridemap")];
+        let output = Command::new("sh").args(words).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{redirected}");
+    }
 }
 
 #[test]

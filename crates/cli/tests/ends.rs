@@ -63,6 +63,23 @@ fn numbers_and_networks_that_make_no_sense_are_refused_before_anything_is_done()
         ("learn stepping --until-error nan", "must be 0 to"),
         ("learn stepping --domain 5 --out run", "--robot ros2"),
         (
+            "learn walking --learner linear --set=collect.strides=[1]",
+            "a regression on the action",
+        ),
+        (
+            "fit t.csv --out no/m.json",
+            "no/m.json: cannot be written: No such file",
+        ),
+        (
+            "report run --out no/p.html",
+            "no/p.html: cannot be written: No such file",
+        ),
+        ("view run --out .", ".: cannot be written: is a directory"),
+        (
+            "learn stepping --set name=\u{202e}x --out run",
+            "letters, digits",
+        ),
+        (
             "learn small-stepping --robot ros2 --yes --interface 203.0.113.7 --out run",
             "no interface with that address",
         ),

@@ -1,5 +1,6 @@
 //! Whole files: aside and renamed where they are regular, straight through where they are not.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Write};
@@ -7,12 +8,17 @@ use std::os::fd::AsFd;
 use std::os::unix::fs::{FileTypeExt, MetadataExt, fchown};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use rustix::fs::{Access, access};
+use rustix::io::Errno;
 
 /// Most links that are followed, as in the kernel.
 const MOST_LINKS: usize = 40;
+
+/// Sockets that somebody listened on when they were looked at: who listens may take one call only.
+static HELD: Mutex<BTreeMap<PathBuf, UnixStream>> = Mutex::new(BTreeMap::new());
 
 /// What a path stands for when it is written to.
 enum Target {
@@ -66,7 +72,7 @@ pub fn resolved(path: &Path) -> io::Result<PathBuf> {
             Err(_) => return Ok(place),
         }
     }
-    Err(ErrorKind::InvalidInput.into())
+    Err(Errno::LOOP.into())
 }
 
 /// The directory in which a path stands.
@@ -100,7 +106,9 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     match Target::of(path)? {
         Target::Own(mut file) => file.write_all(bytes),
         Target::Through(path, meta) if meta.file_type().is_socket() => {
-            UnixStream::connect(path)?.write_all(bytes)
+            let held = HELD.lock().ok().and_then(|mut held| held.remove(&path));
+            held.map_or_else(|| UnixStream::connect(path), Ok)?
+                .write_all(bytes)
         }
         Target::Through(path, _) => OpenOptions::new().write(true).open(path)?.write_all(bytes),
         Target::Regular(path, old) => replace(&path, old.as_ref(), bytes),
@@ -222,6 +230,13 @@ pub fn sweep(dir: &Path) -> io::Result<()> {
 pub fn check_file(path: &Path) -> io::Result<()> {
     match Target::of(path)? {
         Target::Own(_) => Ok(()),
+        Target::Through(path, meta) if meta.file_type().is_socket() => {
+            let stream = UnixStream::connect(&path)?;
+            if let Ok(mut held) = HELD.lock() {
+                held.insert(path, stream);
+            }
+            Ok(())
+        }
         Target::Through(path, _) => Ok(access(path, Access::WRITE_OK)?),
         Target::Regular(path, old) => {
             if old.is_some() {
@@ -303,8 +318,12 @@ mod tests {
                 .unwrap();
             text
         });
+        // Looked at, then written, in one call; a socket on which nobody listens any more is found before.
+        check_file(&at("socket")).unwrap();
         write_whole(&at("socket"), b"two\n").unwrap();
         assert_eq!(reader.join().unwrap(), "two\n");
+        let refused = check_file(&at("socket")).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::ConnectionRefused);
 
         // A device of our own, where the system lets us make one.
         let made = Command::new("mknod")
@@ -354,6 +373,15 @@ mod tests {
         ] {
             assert_eq!(check_file(&path).unwrap_err().kind(), kind, "{path:?}");
         }
+        symlink("loop", at("loop")).unwrap();
+        for found in [
+            check_file(&at("loop")),
+            check_dir(&at("loop")),
+            resolved(&at("loop")).map(drop),
+        ] {
+            assert!(found.unwrap_err().to_string().contains("symbolic link"));
+        }
+        fs::remove_file(at("loop")).unwrap();
         assert_eq!(
             check_dir(&at("file/x")).unwrap_err().kind(),
             ErrorKind::NotADirectory

@@ -90,8 +90,9 @@ pub enum GpError {
     /// The matrices of a model are larger than what this machine has left.
     #[error(
         "a Gaussian process of {points} points needs {needed_gb:.1} GB of memory for this and the process may \
-         have {available_gb:.1} GB; take fewer points, or a sparse one with few inducing inputs \
-         (stridemap_gp::SparseGp), whose memory grows with their number only"
+         have {available_gb:.1} GB: it has room for an exact model of about {0:.0} points; take fewer (the \
+         library's sparse model holds more)",
+        *points as f64 * (available_gb / needed_gb).sqrt()
     )]
     Memory {
         /// Number of training points `N`.

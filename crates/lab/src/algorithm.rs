@@ -302,8 +302,12 @@ impl<'a> Algorithm<'a> {
             if improved < begun && !self.task.learner.kind.uses_map() {
                 self.improve_on(None, recorder)?;
             } else if improved < begun {
-                let map = self.fit(recorder)?;
-                self.improve(&map, recorder)?;
+                match self.fit(recorder) {
+                    Ok(map) => self.improve(&map, recorder)?,
+                    // Nothing can be learned of so few strides, and so nothing beats the nominal gait.
+                    Err(error) if error.is_of_too_few_strides() => break,
+                    Err(error) => return Err(error),
+                }
             } else if self.catch_up(recorder)? {
                 self.collect(recorder)?;
             } else {

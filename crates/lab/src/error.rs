@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use stridemap_gait::GaitError;
+use stridemap_gp::GpError;
 use stridemap_learn::LearnError;
 use stridemap_mujoco::MujocoError;
 use stridemap_returnmap::{AnalysisError, ProcessError};
@@ -173,6 +174,15 @@ pub enum LabError {
 }
 
 impl LabError {
+    /// Whether the strides that reached the next section do not determine what is fitted to them.
+    pub(crate) const fn is_of_too_few_strides(&self) -> bool {
+        matches!(
+            self,
+            Self::TooFewStrides { .. }
+                | Self::Process(ProcessError::Map(GpError::MeanNotIdentifiable { .. }))
+        )
+    }
+
     /// Whether the request itself was wrong (exit code 2), rather than something that happened while
     /// working (exit code 1).
     #[must_use]

@@ -86,6 +86,29 @@ impl Provenance {
         })
     }
 
+    /// Says of a run's table that cannot be appended to by which version it was written, and what to do.
+    pub(crate) fn blame(&self, error: LabError) -> LabError {
+        let LabError::Content {
+            path,
+            line,
+            problem,
+        } = error
+        else {
+            return error;
+        };
+        let built = self.git_revision.as_deref().unwrap_or("unknown revision");
+        let problem = format!(
+            "{problem}; the run was written by Stridemap {} ({built}), and that version goes on with it; this one \
+             reads it (fit, evaluate, report), or starts a run of its own with `stridemap learn` and another --out",
+            self.version
+        );
+        LabError::Content {
+            path,
+            line,
+            problem,
+        }
+    }
+
     /// What of `now` differs from this record in a way that makes numbers another run's: model, MuJoCo, program,
     /// seed, values of the task. One sentence each.
     #[must_use]

@@ -102,8 +102,12 @@ impl Algorithm<'_> {
                 false
             } else {
                 let in_place = self.plant.in_place();
-                let map = fit_map(self.task, &all, &in_place, self.seed, batch.iteration)?;
-                unseen_error(&map, &made)? < error
+                let map = fit_map(self.task, &all, &in_place, self.seed, batch.iteration);
+                match map.and_then(|map| unseen_error(&map, &made)) {
+                    // Falls are no data: more is needed.
+                    Err(few) if few.is_of_too_few_strides() => false,
+                    unseen => unseen? < error,
+                }
             };
             all.extend(made);
             counted.warm_up += more.warm_up;

@@ -48,7 +48,7 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
         );
     }
     if kind.uses_map() {
-        let most = planned_in_all(task, planned);
+        let most = listed_in_all(task, planned);
         let outputs = task.state.len() + 1;
         if let Err(error) = stridemap_gp::check_memory(most, outputs) {
             return invalid(key.into(), format!("{most} strides in the map: {error}"));
@@ -74,21 +74,21 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
     Ok(())
 }
 
-/// Training strides of all iterations, as far as the task counts them.
-fn planned_in_all(task: &Task, first: usize) -> usize {
+/// Training strides of the batches that the task lists, and of their evaluations: those that surely come. A batch
+/// that is repeated for as long as iterations last is asked about when it is fitted.
+fn listed_in_all(task: &Task, first: usize) -> usize {
     let (algorithm, listed) = (&task.algorithm, &task.collect.strides);
     if algorithm.stop_below_improvement.is_some() {
         return first;
     }
-    let last = listed.last().copied().unwrap_or(0);
-    let later = listed.iter().skip(1).chain(std::iter::repeat(&last));
-    let later: usize = later.take(algorithm.iterations - 1).sum();
+    let batches = listed.len().min(algorithm.iterations);
     let evaluated = match (&task.caution, algorithm.evaluation_trains) {
         (Some(caution), _) => caution.proof.proof_strides,
         (None, true) => algorithm.evaluation_strides,
         (None, false) => 0,
     };
-    let all = first + later + algorithm.iterations * evaluated;
+    let later: usize = listed[..batches].iter().skip(1).sum();
+    let all = first + later + batches * evaluated;
     all.min(algorithm.strides_at_most.unwrap_or(usize::MAX))
 }
 
@@ -128,6 +128,11 @@ mod tests {
             assert!(error.is_request(), "{error:?}");
             assert!(error.to_string().ends_with(expected), "{error}");
         }
-        assert!(load("walking", &["collect.strides=[12, 0]".into()]).is_ok());
+        for (task, set) in [
+            ("walking", "collect.strides=[12, 0]"),
+            ("stepping", "algorithm.iterations=10000"),
+        ] {
+            assert!(load(task, &[set.into()]).is_ok(), "{set}");
+        }
     }
 }

@@ -297,17 +297,19 @@ impl Task {
             |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
         crate::numbers::check(self)?;
         // It names directories.
+        let plain = |c: char| c.is_alphanumeric() || " ._+=,@()-".contains(c);
+        let ends = |c: char| c == ' ' || c == '.';
         if self.name.is_empty()
             || self.name.len() > 100
-            || self.name.starts_with('.')
-            || self
-                .name
-                .contains(|c: char| c == '/' || c == '\\' || c.is_control())
+            || self.name.starts_with(ends)
+            || self.name.ends_with(' ')
+            || !self.name.chars().all(plain)
         {
             return invalid(
                 "name".into(),
                 format!(
-                    "is {:?}; must be a plain name of at most 100 bytes: not a path, no point in front",
+                    "is {:?}; must be a name of at most 100 bytes: letters, digits and any of \"._+=,@()-\", with \
+                     spaces between them and no point in front; it names directories",
                     self.name
                 ),
             );

@@ -7,10 +7,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use stridemap_lab::builtin::{self, LoadedTask};
-use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
+use stridemap_lab::run::{FELL_IN_START, FinishedRun, NoWatcher, RunDirectory, Summary};
 use stridemap_lab::{
     Algorithm, FallCriterion, LabError, Pace, Phase, Progress, Provenance, Recorder, Recording,
-    Transition,
+    RobotChoice, Transition,
 };
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_returnmap::LearnedMap;
@@ -219,6 +219,13 @@ fn a_spent_fall_budget_ends_the_run_and_a_raised_one_goes_on() {
     );
     let summary = directory.write_summary(&algorithm.progress).unwrap();
     assert_eq!(&summary.falls, falls);
+    // The batch was broken off, and is counted all the same.
+    let rows = std::fs::read_to_string(run.join("transitions.csv")).unwrap();
+    let made = rows.lines().count() - 1;
+    let first = &summary.iterations[0];
+    let counted = (summary.strides.training, first.strides, first.falls);
+    assert!(made > 2 && counted == (made, made, 3), "{counted:?} {made}");
+    assert!(summary.final_policy.is_none() && summary.improved.is_none());
     drop(directory);
 
     let strides = || std::fs::read_to_string(run.join("transitions.csv")).unwrap();
@@ -481,4 +488,44 @@ fn where_nothing_beats_the_nominal_gait_it_is_the_final_policy() {
     for i in summary["iterations"].as_array().unwrap() {
         assert!(i["evaluated_mean_reward"].is_number());
     }
+
+    // Nor does anything where too few strides reach the next section for a map: here all fall.
+    loaded.task.action[0].bounds = [-1.5, 5.0];
+    loaded.task.collect.explore.center = vec![[4.0, 4.0]];
+    loaded.task.failure.psi_roll_below_deg = 2.6;
+    loaded.task.algorithm.falls_at_most = 1000;
+    let run = dir.path().join("falls");
+    learn(&run, &loaded, 7);
+    let text = std::fs::read_to_string(run.join("summary.json")).unwrap();
+    let summary: Summary = serde_json::from_str(&text).unwrap();
+    assert!(summary.iterations[0].falls > 3, "{summary:?}");
+    assert_eq!(summary.improved, Some(false));
+    assert!(run.join("policy/final.json").exists());
+}
+
+/// No table of strides has a fall in a start: behind a link, where it cannot be made again, an event keeps it.
+#[test]
+fn a_fall_in_a_start_behind_a_link_survives_a_kill() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run");
+    let loaded = builtin::load("small-stepping", &[]).unwrap();
+    let loaded = loaded.on(Some(RobotChoice::Ros2), 1).unwrap();
+    let mut directory = create(&run, &loaded, 1).unwrap();
+    let fall = serde_json::json!({"criterion": "tilt", "value": 50.0, "threshold": 45.0});
+    let mut after = |events: &[&str]| {
+        for event in events {
+            directory.event(event, fall.clone()).unwrap();
+        }
+    };
+    after(&[FELL_IN_START, "checkpoint", FELL_IN_START]);
+    drop(directory);
+    let open = FinishedRun::open(&run, &[]).unwrap();
+    let (_, progress) = RunDirectory::resume(&open, never(), Box::new(NoWatcher)).unwrap();
+    let [fell] = progress.falls.as_slice() else {
+        panic!("{:?}", progress.falls);
+    };
+    assert_eq!(
+        (fell.stride, fell.fall.criterion),
+        (None, FallCriterion::Tilt)
+    );
 }

@@ -101,6 +101,19 @@ pub struct LearnedMap {
     scratch: Scratch,
 }
 
+/// Makes columns of nothing but the rounding of zero what they are. A Gaussian process knows no units and takes
+/// 10⁻¹⁷ for a number; of degrees, metres and seconds it is none.
+fn settle(values: &mut [f64], columns: usize) {
+    const ROUNDING: f64 = 1e-15;
+    for column in 0..columns {
+        let mut cells = values.iter().skip(column).step_by(columns);
+        if cells.all(|v| v.abs() < ROUNDING) {
+            let cells = values.iter_mut().skip(column).step_by(columns);
+            cells.for_each(|v| *v = 0.0);
+        }
+    }
+}
+
 impl LearnedMap {
     /// Fits the map to strides by type-II maximum likelihood.
     ///
@@ -126,12 +139,14 @@ impl LearnedMap {
         for s in samples {
             config.input_row(&s.state, &s.action, &s.last_action, &mut inputs);
         }
+        settle(&mut inputs, dims);
         let points = Points::new(&inputs, dims)?;
         let mut outputs = Vec::with_capacity(states);
         for component in 0..states {
             let target =
                 |s: &MapSample| config.target(component, &s.state, s.next_state[component]);
-            let y: Vec<f64> = samples.iter().map(target).collect();
+            let mut y: Vec<f64> = samples.iter().map(target).collect();
+            settle(&mut y, 1);
             let noise = config.min_noise_std.as_ref().map(|stds| stds[component]);
             outputs.push(Gp::fit(
                 points,

@@ -185,9 +185,6 @@ pub fn run(
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
-    if let Some(out) = out {
-        files::check_file(out)?;
-    }
     let (task, policy, falls) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
@@ -367,9 +364,6 @@ pub fn push(
     let own = common.sets.is_empty() && common.robot.is_none();
     let into_run = (out.is_none() && own).then_some(path);
     let _writing = into_run.map(lock).transpose()?;
-    if let Some(dir) = out {
-        files::check_dir(dir)?;
-    }
     let doing = Doing::apply(format!("be pushed in {} strides", config.strides), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;

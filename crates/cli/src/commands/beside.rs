@@ -7,7 +7,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use stridemap_lab::run::append_event;
+use stridemap_lab::run::{FELL_IN_START, append_event};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{Fall, FallCriterion, StrideObserver, Task, TickObserver};
 use stridemap_link::{Operator, RemoteMachine, SharedJournal};
@@ -146,10 +146,15 @@ pub struct Watcher {
     pub journal: Option<SharedJournal>,
     /// The last fall.
     pub last_fall: LastFall,
+    /// The run of a robot behind a link, which keeps its falls in starts as they happen.
+    pub run: Option<PathBuf>,
+    /// Whether a stride has begun.
+    pub in_stride: bool,
 }
 
 impl StrideObserver for Watcher {
     fn action(&mut self, action: &[f64]) {
+        self.in_stride = true;
         // A log that cannot be written is told by the machine that writes it as well.
         if let Some(Ok(mut journal)) = self.journal.as_ref().map(|j| j.lock()) {
             let _ = journal.action(action);
@@ -170,6 +175,12 @@ impl StrideObserver for Watcher {
     }
 
     fn ended(&mut self, _: StrideEnd, fall: Option<&Fall>) {
+        let in_start = !std::mem::take(&mut self.in_stride);
+        if let (Some(run), Some(fall), true) = (&self.run, fall, in_start)
+            && let Err(error) = append_event(run, FELL_IN_START, serde_json::json!(fall))
+        {
+            output::note(format!("the fall is not in the run's events: {error}"));
+        }
         if let (Some(fall), Ok(mut last)) = (fall, self.last_fall.lock()) {
             *last = Some(*fall);
         }

@@ -7,8 +7,8 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use serde::Serialize;
 use stridemap_lab::run::{
-    FinishedRun, NoWatcher, RunDirectory, Summary, Watcher, append_event, files, has_begun, lock,
-    refuse_occupied,
+    FinishedRun, IterationSummary, NoWatcher, RunDirectory, Summary, Watcher, append_event, files,
+    has_begun, lock, refuse_occupied,
 };
 use stridemap_lab::{
     Algorithm, LabError, Performance, Progress, Task, builtin, nominal_gait, task_differences,
@@ -32,7 +32,14 @@ pub fn learn(
     learner: Option<LearnerName>,
     common: &Common,
 ) -> Result<(), Failure> {
-    let mut loaded = builtin::load(name, &common.sets)?;
+    let mut sets = common.sets.clone();
+    if let Some(possible) = learner.and_then(|learner| learner.to_possible_value()) {
+        sets.push(format!(
+            "learner.kind={}",
+            possible.get_name().replace('-', "_")
+        ));
+    }
+    let mut loaded = builtin::load(name, &sets)?;
     let mut words = name.to_owned();
     if let Some(learner) = learner {
         loaded = loaded.with_learner(learner.into())?;
@@ -109,7 +116,7 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
     let mut run = with_budget(path, &common.sets)?;
     in_network(&mut run.task, common)?;
     say_edited(&run);
-    let watcher = Box::new(RunProgress::new(&run.task));
+    let watcher = Box::new(RunProgress::after(&run.task, &run.progress));
     let result = go_on(&run, common, &stop_flag(), watcher);
     finished(&run.task, result, path, common.json)
 }
@@ -125,12 +132,24 @@ fn finished(
     if working && path.join("transitions.csv").exists() {
         // The failure is the one to tell, whatever becomes of its page.
         if let Ok(page) = super::report::draw(path) {
-            output::note(format!("what was gathered: {}", page.display()));
+            let counted = files::read_json::<Summary>(&path.join("summary.json"));
+            let counted = counted.map_or_else(|_| String::new(), |s| gathered(&s) + ": ");
+            output::note(format!("what was gathered: {counted}{}", page.display()));
         }
     }
     let summary = result?;
     super::report::draw(path)?;
     show(task, &summary, path, json)
+}
+
+/// What a run that did not reach its end made on the robot.
+fn gathered(summary: &Summary) -> String {
+    let (s, falls) = (&summary.strides, summary.falls.len());
+    format!(
+        "{} strides in the budget, {} only to report, {falls} falls and stalls in all",
+        s.training + s.evaluation,
+        s.record
+    )
 }
 
 /// A run to go on with. The one value of its task that may be another is how often the robot may fall.
@@ -258,7 +277,7 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
             None => format!("reward {:+.4}", p.mean_reward),
         };
         output::line(format!(
-            "  {name:<8} {gain}   psi_roll {:.2} deg   {} falls in {} strides",
+            "  {name:<8} {gain}   psi_roll {:.2} deg   {} falls in {} strides made to report",
             p.mean_psi_roll_deg, p.falls, p.strides
         ));
     };
@@ -274,10 +293,13 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
             format!("below what the task calls a success: {}", lacks.join("; "))
         };
         output::line(format!(
-            "  learned from {strides} strides on the robot with {falls} falls: {verdict}"
+            "  learned from {strides} strides on the robot with {falls} falls while learning: {verdict}"
         ));
         if summary.improved == Some(false) {
-            let tried = if task.caution.is_none() && task.algorithm.evaluation_strides == 0 {
+            let no_map = |i: &IterationSummary| i.log_marginal_likelihood.is_empty();
+            let tried = if task.learner.kind.uses_map() && summary.iterations.iter().all(no_map) {
+                "too few strides reached the next section for a map"
+            } else if task.caution.is_none() && task.algorithm.evaluation_strides == 0 {
                 "no policy was tried on the robot (algorithm.evaluation_strides = 0)"
             } else {
                 "no policy that was tried on the robot beats the nominal gait"

@@ -61,6 +61,8 @@ pub fn plant(
         plant.log(Some(Box::new(Watcher {
             journal: None,
             last_fall,
+            run: None,
+            in_stride: false,
         })));
         return Ok(plant);
     };
@@ -72,6 +74,10 @@ pub fn plant(
     plant.log(Some(Box::new(Watcher {
         journal: Some(journal),
         last_fall,
+        run: run
+            .filter(|_| task.link.is_some() && matches!(doing, Doing::Learn | Doing::Collect))
+            .map(Path::to_path_buf),
+        in_stride: false,
     })));
     Ok(plant)
 }

@@ -65,7 +65,7 @@ pub fn text(name: &Path) -> Result<&str, Failure> {
 /// does it, so that the same run comes of it.
 fn next_batch(run: &FinishedRun, common: &Common) -> Result<(), Failure> {
     let refuse = |why: &str| Err(Failure::request(format!("{}: {why}", run.path.display())));
-    let watcher = Box::new(RunProgress::new(&run.task));
+    let watcher = Box::new(RunProgress::after(&run.task, &run.progress));
     let (mut directory, progress) = RunDirectory::resume(run, stop_flag(), watcher)?;
     if progress.policies.len() < progress.iterations.len() {
         return refuse("this batch is collected; `stridemap improve` the policy in its map first");
@@ -139,9 +139,6 @@ fn show_batch(
 
 /// Fits the map to the strides of a run or of a CSV file.
 pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
-    if let Some(out) = out {
-        files::check_file(out)?;
-    }
     let mut _writing = None;
     let (map, iteration, default_out) = if source.is_dir() {
         let run = FinishedRun::open(source, &common.sets)?;
@@ -241,7 +238,7 @@ fn show_map(map: &LearnedMap, saved: &SavedMap, json: bool) -> Result<(), Failur
 /// Improves the policy of a run in the map of its strides.
 pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
     let run = FinishedRun::open(path, &[])?;
-    let watcher = Box::new(RunProgress::new(&run.task));
+    let watcher = Box::new(RunProgress::after(&run.task, &run.progress));
     let (mut directory, progress) = RunDirectory::resume(&run, stop_flag(), watcher)?;
     let simulated = linked::here(&run.task);
     let mut algorithm = Algorithm::resume(&simulated, run.provenance.seed, progress)?;

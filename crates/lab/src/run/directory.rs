@@ -52,8 +52,8 @@ pub struct RunDirectory {
     events: Log,
     stop: Arc<AtomicBool>,
     watcher: Box<dyn Watcher>,
-    /// Strides of a batch that was broken off, which a robot behind a link cannot repeat.
-    unfinished: usize,
+    /// Strides since the last checkpoint, those of a broken batch that a robot behind a link cannot repeat among them.
+    unfinished: Vec<Transition>,
     /// The map just fitted, until the policy that comes of it is known.
     fitted: Option<(usize, LearnedMap)>,
     /// Nobody else writes here meanwhile.
@@ -144,7 +144,7 @@ impl RunDirectory {
             events: Log::open(&path.join(EVENTS), EVENTS_HEADER, Keep::Lines)?,
             stop,
             watcher,
-            unfinished: 0,
+            unfinished: Vec::new(),
             fitted: None,
             _lock: lock,
         })
@@ -184,6 +184,8 @@ impl RunDirectory {
             // Record strides are made anew; the robot has fallen in them all the same.
             let measured = read_unfinished(&table, &path.join("record.csv"), rows[1])?;
             progress.falls.extend(RobotFall::among(&measured));
+            let iteration = progress.iterations.len() + 1;
+            progress.falls.extend(falls_in_starts(path, iteration));
             unfinished = Ok(progress.unfinished.clone());
         }
         // A spent budget is told before anything is dropped or made again.
@@ -191,25 +193,28 @@ impl RunDirectory {
         falls.extend(RobotFall::among(&unfinished.unwrap_or_default()));
         task.check_fall_budget(&falls)?;
         sweep(path)?;
-        let mut directory =
-            Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher)?;
-        directory.unfinished = progress.unfinished.len();
+        let opened = Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher);
+        let mut directory = opened.map_err(|error| provenance.blame(error))?;
+        directory.unfinished = progress.unfinished.clone();
         Ok((directory, progress))
     }
 
-    /// Drops a last line of the events that was cut off, with a word.
+    /// Drops a last line of the events that was cut off, and begins them anew where they are gone, with a word.
     ///
     /// # Errors
     ///
     /// [`LabError::File`].
     pub fn mend(&mut self) -> Result<(), LabError> {
-        if self.events.has_cut_line() {
-            self.events.begin()?;
-            self.watcher.note(&format!(
-                "{}: the last line was cut off and is dropped",
-                self.path.join(EVENTS).display()
-            ));
-        }
+        let said = if self.events.is_new() {
+            "was emptied or deleted since this run began; what it held is lost, and it begins anew"
+        } else if self.events.has_cut_line() {
+            "the last line was cut off and is dropped"
+        } else {
+            return Ok(());
+        };
+        self.events.begin()?;
+        let events = self.path.join(EVENTS);
+        self.watcher.note(&format!("{}: {said}", events.display()));
         Ok(())
     }
 
@@ -224,7 +229,7 @@ impl RunDirectory {
             "resumed",
             serde_json::json!({
                 "strides": self.transitions.rows(),
-                "of_an_unfinished_batch": self.unfinished,
+                "of_an_unfinished_batch": self.unfinished.len(),
             }),
         )
     }
@@ -266,13 +271,14 @@ impl RunDirectory {
         self.event("end", serde_json::json!({}))
     }
 
-    /// Writes `summary.json` and returns it.
+    /// Writes `summary.json` and returns it; strides of a phase that was broken off are counted.
     ///
     /// # Errors
     ///
     /// [`LabError::File`].
     pub fn write_summary(&mut self, progress: &Progress) -> Result<Summary, LabError> {
-        let summary = Summary::of(&self.task, self.seed, progress);
+        let mut summary = Summary::of(&self.task, self.seed, progress);
+        summary.count(&self.unfinished);
         write_json(&self.path.join("summary.json"), &summary)?;
         Ok(summary)
     }
@@ -287,6 +293,7 @@ impl Recorder for RunDirectory {
         } else {
             self.transitions.append(&row)?;
         }
+        self.unfinished.push(transition.clone());
         self.watcher.stride(transition, what);
         self.check_stop()
     }
@@ -381,6 +388,7 @@ impl Recorder for RunDirectory {
                 falls: progress.falls.clone(),
             },
         )?;
+        self.unfinished.clear();
         self.event(
             "checkpoint",
             serde_json::json!({
@@ -392,6 +400,28 @@ impl Recorder for RunDirectory {
         self.watcher.phase(phase, progress);
         Ok(())
     }
+}
+
+/// The name of the event of a fall in a start on a robot behind a link, which no table of strides has.
+pub const FELL_IN_START: &str = "fell_in_start";
+
+/// The falls in starts since the last checkpoint.
+fn falls_in_starts(run: &Path, iteration: usize) -> Vec<RobotFall> {
+    let text = std::fs::read(run.join(EVENTS)).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
+    let events = text.lines().rev();
+    let events = events.filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let since = events.take_while(|event| event["event"] != "checkpoint");
+    let fell = since.filter(|event| event["event"] == FELL_IN_START);
+    let fell = fell.filter_map(|event| serde_json::from_value(event).ok());
+    let fell = fell.map(|fall| RobotFall {
+        iteration,
+        phase: StridePhase::Collect,
+        what: None,
+        stride: None,
+        fall,
+    });
+    fell.collect()
 }
 
 fn event_line(kind: &str, details: serde_json::Value) -> String {

@@ -177,7 +177,7 @@ impl Log {
                 if old[..first].strip_suffix(b"\n") != Some(header.as_bytes()) {
                     return content(
                         Some(1),
-                        format!("does not begin with the header this task writes: {header}"),
+                        format!("its columns are not those that this version writes: {header}"),
                     );
                 }
                 let rows: Vec<usize> = ends.take(keep).collect();
@@ -257,6 +257,12 @@ impl Log {
     #[must_use]
     pub const fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// Whether nothing was kept when the log was opened.
+    #[must_use]
+    pub const fn is_new(&self) -> bool {
+        self.kept_bytes == 0
     }
 
     /// Whether the last line was cut when the log was opened: a process was killed, or a disk full, in the

@@ -1,12 +1,13 @@
 //! `summary.json`: the numbers that a script wants.
 
 use serde::{Deserialize, Serialize};
+use stridemap_returnmap::StrideEnd;
 
 use crate::algorithm::{Progress, Seconds};
 use crate::fall::RobotFall;
 use crate::guard::GuardWarning;
 use crate::proof::Proof;
-use crate::strides::{Performance, StrideRole};
+use crate::strides::{Performance, StridePhase, StrideRole, Transition};
 use crate::task::Task;
 use crate::trust::Region;
 
@@ -24,7 +25,7 @@ pub struct StrideCounts {
 }
 
 /// One iteration.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IterationSummary {
     /// From 1.
     pub iteration: usize,
@@ -183,6 +184,41 @@ impl Summary {
                 by_work: s,
                 total: progress.total_seconds,
             },
+        }
+    }
+
+    /// Counts the strides of a phase that was broken off, and the falls in its iteration, as if they were of a
+    /// finished one; aborted ones are none.
+    pub(super) fn count(&mut self, unfinished: &[Transition]) {
+        for t in unfinished.iter().filter(|t| t.end != StrideEnd::Aborted) {
+            *match t.role {
+                StrideRole::Training => &mut self.strides.training,
+                StrideRole::Evaluation => &mut self.strides.evaluation,
+                StrideRole::Record => &mut self.strides.record,
+            } += 1;
+            if t.phase == StridePhase::Record {
+                continue;
+            }
+            if self.iterations.len() < t.iteration {
+                let before = self.iterations.last();
+                self.iterations.push(IterationSummary {
+                    iteration: t.iteration,
+                    strides_so_far: before.map_or(0, |i| i.strides_so_far),
+                    falls_so_far: before.map_or(0, |i| i.falls_so_far),
+                    ..IterationSummary::default()
+                });
+            }
+            let fell = |f: &&RobotFall| {
+                (f.iteration, f.fall.criterion.end()) == (t.iteration, StrideEnd::Fell)
+                    && f.phase != StridePhase::Record
+            };
+            let falls = self.falls.iter().filter(fell).count();
+            if let Some(i) = self.iterations.last_mut() {
+                i.strides += 1;
+                i.strides_so_far += 1;
+                i.falls_so_far += falls.saturating_sub(i.falls);
+                i.falls = i.falls.max(falls);
+            }
         }
     }
 }

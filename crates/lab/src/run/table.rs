@@ -9,6 +9,7 @@ use stridemap_robot::Side;
 use crate::error::LabError;
 use crate::fall::{Fall, FallCriterion};
 use crate::measure::StrideMeasures;
+use crate::numbers::LARGEST;
 use crate::strides::{StridePhase, StrideRole, Transition};
 
 /// Names and values of the measures of a stride, in the order of their columns.
@@ -247,7 +248,7 @@ impl TransitionTable {
             last_action: row.numbers(&self.actions, "last_")?,
             action: row.numbers(&self.actions, "")?,
             next_state: row.numbers(&self.states, "next_")?,
-            reward: row.number("reward")?,
+            reward: row.bounded("reward")?,
             end: ends[row.word("end", &ends.map(StrideEnd::name))?],
             fall: row.fall()?,
             true_psi_roll_deg: None,
@@ -327,6 +328,16 @@ impl Row<'_> {
         }
     }
 
+    /// A number that a map is fitted to: of a size one can reckon with, as in a task.
+    fn bounded(&self, name: &str) -> Result<f64, LabError> {
+        let value = self.number(name)?;
+        if value.abs() > LARGEST {
+            let bound = format!("{name} = {value:e} is larger than {LARGEST:e} in size");
+            return Err(self.fault(bound));
+        }
+        Ok(value)
+    }
+
     /// Zero where there is no such column.
     fn optional(&self, name: &str) -> Result<f64, LabError> {
         if self.columns.contains_key(name) {
@@ -369,10 +380,8 @@ impl Row<'_> {
     }
 
     fn numbers(&self, names: &[String], prefix: &str) -> Result<State, LabError> {
-        names
-            .iter()
-            .map(|name| self.number(&format!("{prefix}{name}")))
-            .collect()
+        let bounded = |name: &String| self.bounded(&format!("{prefix}{name}"));
+        names.iter().map(bounded).collect()
     }
 }
 
@@ -537,16 +546,19 @@ mod tests {
     }
 
     #[test]
-    fn a_nan_in_a_log_is_named_by_line_and_column() {
+    fn a_nan_or_a_number_beyond_reckoning_in_a_log_is_named_by_line_and_column() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("transitions.csv");
-        let row = table().row(&transition()).replace("-0.25", "NaN");
-        std::fs::write(&path, format!("{}\n{row}\n", table().header())).unwrap();
-        let error = table().read(&path, None).unwrap_err().to_string();
-        assert!(
-            error.ends_with("transitions.csv:2: reward = \"NaN\" is not a finite number"),
-            "{error}"
-        );
+        for (cell, said) in [
+            ("NaN", "reward = \"NaN\" is not a finite number"),
+            ("1e200", "reward = 1e200 is larger than 1e12 in size"),
+        ] {
+            let row = table().row(&transition()).replace("-0.25", cell);
+            std::fs::write(&path, format!("{}\n{row}\n", table().header())).unwrap();
+            let error = table().read(&path, None).unwrap_err().to_string();
+            let said = format!("transitions.csv:2: {said}");
+            assert!(error.ends_with(&said), "{error}");
+        }
     }
 
     #[test]

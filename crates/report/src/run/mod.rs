@@ -139,6 +139,7 @@ impl Run {
         run.record = run
             .csv("record.csv", |t| strides(t, &columns))
             .unwrap_or_default();
+        run.count_strides();
         // A policy that was rejected as final was measured before the one that is.
         let begins = |s: &StrideRow| s.what == "final" && (s.episode, s.k) == (0, 0);
         if let Some(last) = run.record.iter().rposition(begins) {
@@ -238,6 +239,21 @@ impl Run {
     pub fn falls(&self) -> (usize, usize) {
         let count = |end| self.transitions.iter().filter(|t| t.end == end).count();
         (count(StrideEnd::Fell), count(StrideEnd::NoCrossing))
+    }
+
+    /// A run that was broken off is counted by its tables: its summary is older than they, or was never written.
+    fn count_strides(&mut self) {
+        if self.finished() || self.transitions.is_empty() && self.record.is_empty() {
+            return;
+        }
+        let role = |role: &str| {
+            let made = self.transitions.iter().chain(&self.record);
+            let made = made.filter(|t| t.end != StrideEnd::Aborted && t.role == role);
+            made.count() as u64
+        };
+        let [training, evaluation, record] = ["training", "evaluation", "record"].map(role);
+        let strides = &mut self.summary.get_or_insert_default().strides;
+        (strides.training, strides.evaluation, strides.record) = (training, evaluation, record);
     }
 
     fn text(&mut self, file: &str) -> Option<String> {
