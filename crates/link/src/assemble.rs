@@ -419,11 +419,16 @@ pub(crate) fn off_pace(mut gaps_ns: Vec<u64>, control_period_s: f64) -> Option<S
     (off(period_s) && off(mean_s)).then(|| {
         format!(
             "a reading comes every {:.2} ms ({:.1} a second), and the task's robot.control_period_s is {:.2} ms \
-             ({:.1} a second): the gait would run at {tempo:.2} of its tempo (another robot, or two publishers?)",
+             ({:.1} a second): the gait would run at {tempo:.2} of its tempo ({})",
             1e3 * period_s,
             1.0 / period_s,
             1e3 * control_period_s,
             1.0 / control_period_s,
+            if (0.01..100.0).contains(&tempo) {
+                "another robot, or two publishers?"
+            } else {
+                "header.stamp in another unit than seconds and nanoseconds?"
+            },
         )
     })
 }

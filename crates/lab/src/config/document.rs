@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use super::error::{ConfigError, Problem};
 use super::load::{self, ResolveError, TaskText};
 use super::merge;
-use super::node::{self, Content, Node, Origin, Source};
+use super::node::{self, Node, Origin, Source};
 use super::path::KeyPath;
 use super::write;
 
@@ -158,49 +158,6 @@ impl Document {
                 message: message.into(),
             },
         )
-    }
-
-    /// Turns the relative path at a key into one that starts at the working directory, so that
-    /// the resolved text means the same wherever it is saved. Returns whether there was a string
-    /// with a base directory.
-    ///
-    /// Every path-valued key needs this before [`to_toml`](Self::to_toml) is saved elsewhere; give
-    /// absolute base directories to be free of the working directory as well.
-    ///
-    /// ```
-    /// use stridemap_lab::config::{Document, TaskText};
-    ///
-    /// let mut document = Document::load("robots/mine.toml", &[], |name, _| Ok(TaskText {
-    ///     source_name: name.to_owned(),
-    ///     text: "model = \"legs.xml\"".to_owned(),
-    ///     base_dir: Some("robots".into()),
-    /// })).unwrap();
-    /// assert!(document.rebase("model"));
-    /// assert_eq!(document.to_toml(), "model = \"robots/legs.xml\"\n");
-    /// ```
-    pub fn rebase(&mut self, key_path: &str) -> bool {
-        let Some(path) = KeyPath::parse(key_path) else {
-            return false;
-        };
-        let Some(node) = self.root.get_mut(path.segments()) else {
-            return false;
-        };
-        let (Content::String(text), Some(base)) = (&mut node.content, node::base_dir(&node.origin))
-        else {
-            return false;
-        };
-        match base.join(&*text).to_str() {
-            Some(joined) => {
-                *text = joined.to_owned();
-                // Rebased once: a second time must not join again.
-                node.origin.source = Arc::new(Source {
-                    name: node.origin.source.name.clone(),
-                    base_dir: Some(std::path::PathBuf::new()),
-                });
-                true
-            }
-            None => false,
-        }
     }
 
     /// The resolved document as TOML text. Read again it gives the same values, floats bit for

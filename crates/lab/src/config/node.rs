@@ -138,18 +138,6 @@ impl Node {
         }
     }
 
-    pub(super) fn get_mut(&mut self, path: &[String]) -> Option<&mut Node> {
-        let Some((first, rest)) = path.split_first() else {
-            return Some(self);
-        };
-        let child = match &mut self.content {
-            Content::Table(table) => &mut table.get_mut(first)?.value,
-            Content::Array(items) => items.get_mut(first.parse::<usize>().ok()?)?,
-            _ => return None,
-        };
-        child.get_mut(rest)
-    }
-
     /// The string, if it is one.
     #[must_use]
     pub fn as_str(&self) -> Option<&str> {

@@ -10,6 +10,7 @@ use crate::assemble::{self, Assembler, Part, off_pace};
 use crate::mcap_file::Findings;
 use crate::messages::{Float64MultiArray, RosTime, from_cdr};
 use crate::remote::LinkCounts;
+use crate::stream::Unusable;
 
 /// An episode that is being read.
 #[derive(Default)]
@@ -166,7 +167,10 @@ impl<'a> EpisodeReader<'a> {
         if let Err(error) = self.assembler.push(part, source, &mut self.counts) {
             self.gather(false);
             if let Some(open) = &mut self.open {
-                open.end.get_or_insert(error.to_string());
+                open.end.get_or_insert(match error {
+                    Unusable::Said(what) => what,
+                    Unusable::Map(error) => format!("{}: {error}", self.link.joint_states),
+                });
             }
             return;
         }
