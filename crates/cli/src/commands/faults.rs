@@ -266,7 +266,7 @@ fn try_all(
             domain,
             ..Ros2Config::default()
         };
-        fault_table(&link, row)?;
+        fault_table(&link, row);
     }
     Ok(())
 }

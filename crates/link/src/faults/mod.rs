@@ -63,17 +63,28 @@ impl FaultRow {
 /// machine adds.
 const HOLD_WITHIN_S: f64 = 0.05 + 2.0 * stand_in::PERIOD_S + 0.05;
 
+/// What was seen, or that the fault could not be tried and why.
+fn tried(fault: &str, seen: Result<FaultRow, LinkError>) -> FaultRow {
+    seen.unwrap_or_else(|error| {
+        FaultRow::new(
+            fault,
+            format!("could not be tried: {error}"),
+            None,
+            true,
+            false,
+        )
+    })
+}
+
 fn ms(seconds: f64) -> String {
     format!("{:.0} ms", 1e3 * seconds)
 }
 
 /// Tries every fault of network, messages and robot on a running link and tells `row` what was seen, as soon as
 /// it is known. Rows use domains of their own, from the configuration's on: [`FAULT_DOMAINS`] of them.
-///
-/// # Errors
-///
-/// [`LinkError`] if the network cannot be joined, or a link without a fault does not work.
-pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) -> Result<(), LinkError> {
+/// A row that could not be tried (the network cannot be joined, a link without a fault does not work) says so and
+/// is not ok; the others go on.
+pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
     let mut domain = link.domain;
     let mut next = || {
         let link = Ros2Config {
@@ -85,43 +96,57 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) -> Result<(
         link
     };
     for for_ms in [20, 60, 500, 5000] {
-        row(network::cut(&next(), for_ms)?);
+        let fault = format!("network cut for {for_ms} ms");
+        row(tried(&fault, network::cut(&next(), for_ms)));
     }
-    row(network::delayed(&next(), 0.2)?);
+    row(tried(
+        "every message delayed by 200 ms",
+        network::delayed(&next(), 0.2),
+    ));
     let fair = Weather::default();
-    row(network::borne(
-        &next(),
+    row(tried(
         "reordered: one of 5 messages overtaken by the next",
-        Weather {
-            overtake_one_of: Some(5),
-            ..fair
-        },
-        |r| r.out_of_order,
-        "heartbeats out of order refused",
-    )?);
-    row(network::borne(
-        &next(),
+        network::borne(
+            &next(),
+            "reordered: one of 5 messages overtaken by the next",
+            Weather {
+                overtake_one_of: Some(5),
+                ..fair
+            },
+            |r| r.out_of_order,
+            "heartbeats out of order refused",
+        ),
+    ));
+    row(tried(
         "duplicated: every message twice",
-        Weather {
-            twice: true,
-            ..fair
-        },
-        |r| r.out_of_order,
-        "heartbeats refused as known",
-    )?);
-    row(network::borne(
-        &next(),
+        network::borne(
+            &next(),
+            "duplicated: every message twice",
+            Weather {
+                twice: true,
+                ..fair
+            },
+            |r| r.out_of_order,
+            "heartbeats refused as known",
+        ),
+    ));
+    row(tried(
         "5 % lost: one of 20 messages of each topic",
-        Weather {
-            lose_one_of: Some(20),
-            ..fair
-        },
-        |r| r.stale,
-        "commands refused",
-    )?);
-    messages::bad_messages(&next())?
-        .into_iter()
-        .for_each(&mut *row);
+        network::borne(
+            &next(),
+            "5 % lost: one of 20 messages of each topic",
+            Weather {
+                lose_one_of: Some(20),
+                ..fair
+            },
+            |r| r.stale,
+            "commands refused",
+        ),
+    ));
+    match messages::bad_messages(&next()) {
+        Ok(rows) => rows.into_iter().for_each(&mut *row),
+        Err(error) => row(tried("bad messages", Err(error))),
+    }
     let lies: [(&str, robot::Lie); 5] = [
         ("clock jumped back by 5 s", |_, _, stamp, _| {
             *stamp -= 5_000_000_000;
@@ -138,11 +163,13 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) -> Result<(
         ("foot-load sensor silent", |_, _, _, foot| *foot = false),
     ];
     for (fault, lie) in lies {
-        row(robot::lying_robot(&next(), fault, lie)?);
+        row(tried(fault, robot::lying_robot(&next(), fault, lie)));
     }
-    row(robot::emergency_stop(&next())?);
-    row(robot::second_writer(&next())?);
-    Ok(())
+    row(tried(
+        "e-stop during a stride",
+        robot::emergency_stop(&next()),
+    ));
+    row(tried("second writer", robot::second_writer(&next())));
 }
 
 /// Domains that [`fault_table`] uses.
