@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use stridemap_config::{ConfigError, Document, nearest, to_toml};
 use stridemap_mujoco::ModelSource;
 use stridemap_robot::{LEG_JOINTS, LegJoint};
 
-use crate::config::{Document, resolver, task_text};
 use crate::error::{Invalid, LabError};
 use crate::task::{LearnerKind, Task};
 
@@ -69,7 +69,7 @@ impl LoadedTask {
         }
         self.task.learner.kind = kind;
         self.task.validate()?;
-        self.resolved = crate::config::to_toml(&self.task).map_err(config)?;
+        self.resolved = self.task.to_toml()?;
         Ok(self)
     }
 }
@@ -90,8 +90,7 @@ impl LoadedTask {
 /// # Ok::<(), stridemap_lab::LabError>(())
 /// ```
 pub fn load(name_or_path: &str, sets: &[String]) -> Result<LoadedTask, LabError> {
-    let document = Document::load(name_or_path, sets, resolver(&TASKS)).map_err(config)?;
-    finish(document)
+    finish(Document::load(name_or_path, sets, &TASKS).map_err(config)?)
 }
 
 /// Loads a task file by its path, even where a built-in task has the same name.
@@ -100,17 +99,21 @@ pub fn load(name_or_path: &str, sets: &[String]) -> Result<LoadedTask, LabError>
 ///
 /// As [`load`].
 pub fn load_file(path: &Path, sets: &[String]) -> Result<LoadedTask, LabError> {
-    let mut others = resolver(&TASKS);
-    let mut own = Some(path);
-    // The path as it is: it need not be text.
-    let document = Document::load(&path.display().to_string(), sets, |name, relative_to| {
-        own.take()
-            .map_or_else(|| others(name, relative_to), task_text)
-    });
-    finish(document.map_err(config)?)
+    finish(Document::load_file(path, sets, &TASKS).map_err(config)?)
 }
 
-fn config(error: crate::config::ConfigError) -> LabError {
+impl Task {
+    /// The task as TOML text, every value written out.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Config`] for what TOML cannot hold.
+    pub fn to_toml(&self) -> Result<String, LabError> {
+        to_toml(self).map_err(config)
+    }
+}
+
+fn config(error: ConfigError) -> LabError {
     LabError::Config(Box::new(error))
 }
 
@@ -121,27 +124,27 @@ fn finish(document: Document) -> Result<LoadedTask, LabError> {
     let mut task: Task = document.deserialize().map_err(config)?;
     // From the file that names it; absolute, since the resolved task is saved elsewhere.
     if let (ModelSource::File(path), Some(base)) =
-        (&mut task.robot.model, document.base_dir_of("robot.model"))
+        (&mut task.robot.model, document.base_dir("robot.model"))
         && let Ok(absolute) = std::path::absolute(base.join(&*path))
     {
         *path = absolute;
     }
     task.validate().map_err(|error| located(&document, error))?;
-    let resolved = crate::config::to_toml(&task).map_err(config)?;
-    let source = document.sources().first();
-    let file = source.filter(|source| source.base_dir.is_some());
+    let resolved = task.to_toml()?;
+    let file = document
+        .file()
+        .and_then(|file| std::path::absolute(file).ok());
     Ok(LoadedTask {
         task,
         resolved,
-        file: file.and_then(|source| std::path::absolute(&source.name).ok()),
+        file,
     })
 }
 
 /// What robots have and a task cannot say: the key at fault, and what there is instead.
 fn not_yet(document: &Document) -> Option<(String, String)> {
-    let table = |key: &str| document.get(key).filter(|node| node.as_table().is_some());
     for key in ["robot.kp_nm_rad", "robot.kv_nms_rad"] {
-        if table(key).is_some() {
+        if document.keys(key).is_some() {
             let message = "must be one number, for all ten leg joints; gains of each joint's own are those of the \
                            model's position servos, where this key is left out";
             return Some((key.into(), message.into()));
@@ -149,8 +152,9 @@ fn not_yet(document: &Document) -> Option<(String, String)> {
     }
     for side in ["left", "right"] {
         let leg = format!("robot.{side}");
-        let lacks = |joint: &&LegJoint| document.get(&format!("{leg}.{}", joint.name())).is_none();
-        if let (Some(_), Some(joint)) = (table(&leg), LEG_JOINTS.iter().find(lacks)) {
+        let keys = document.keys(&leg);
+        let lacks = |j: &&LegJoint| keys.as_ref().is_some_and(|k| !k.contains(&j.name()));
+        if let Some(joint) = LEG_JOINTS.iter().find(lacks) {
             let message = format!(
                 "names no {}; each leg needs a foot and the hinges {}: a robot without one of them cannot be used",
                 joint.name(),
@@ -178,7 +182,7 @@ fn located(document: &Document, error: LabError) -> LabError {
             found,
             allowed,
         } => {
-            let near = crate::config::nearest(&found, &allowed);
+            let near = nearest(&found, &allowed);
             let hint = near
                 .map(|n| format!(" did you mean \"{n}\"?"))
                 .unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use stridemap_config::ConfigError;
 use stridemap_gait::GaitError;
 use stridemap_gp::GpError;
 use stridemap_learn::LearnError;
@@ -10,7 +11,6 @@ use stridemap_returnmap::{AnalysisError, ProcessError};
 use stridemap_robot::RobotError;
 use stridemap_section::SectionError;
 
-use crate::config::ConfigError;
 use crate::fall::{Fall, RobotFall};
 
 /// A value of a task that its type allows and its meaning does not.

@@ -23,7 +23,6 @@ mod caution;
 mod check;
 mod choice;
 mod compare;
-pub mod config;
 mod controls;
 mod error;
 mod fall;

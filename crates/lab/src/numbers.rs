@@ -1,7 +1,9 @@
 //! What a number in a task may be, by rule: a float is finite and of a size one can reckon with, an integer
 //! is a count, and every count has a most.
 
-use crate::config::{Content, KeyPath, to_node, walk};
+use stridemap_config::walk;
+use toml::Value;
+
 use crate::error::{Invalid, LabError};
 use crate::task::Task;
 
@@ -34,23 +36,23 @@ const COUNTS: [(&str, i64, i64); 11] = [
 ///
 /// # Errors
 ///
-/// [`LabError::Invalid`] with the key, the value and its bound; [`LabError::Config`] for NaN.
+/// [`LabError::Invalid`] with the key, the value and its bound; [`LabError::Config`] for what TOML cannot hold.
 pub(crate) fn check(task: &Task) -> Result<(), LabError> {
-    let root = to_node(task).map_err(|error| LabError::Config(Box::new(error)))?;
     let mut fault = None;
-    walk(&root, &mut Vec::new(), &mut |_, _, value, path| {
-        let requirement = match value.content {
-            Content::Float(x) => beyond(x),
-            Content::Integer(n) => outside(n, path),
+    let walked = walk(task, &mut |key, value| {
+        let requirement = match value {
+            Value::Float(x) => beyond(*x),
+            Value::Integer(n) => outside(*n, key),
             _ => None,
         };
         if let (None, Some(requirement)) = (&fault, requirement) {
             fault = Some(Invalid {
-                key: KeyPath::from(path.to_vec()).to_string(),
+                key: key.to_owned(),
                 requirement,
             });
         }
     });
+    walked.map_err(|error| LabError::Config(Box::new(error)))?;
     fault.map_or(Ok(()), |fault| Err(fault.into()))
 }
 
@@ -59,17 +61,17 @@ fn beyond(x: f64) -> Option<String> {
     if size <= LARGEST && (size >= SMALLEST || size == 0.0) {
         return None;
     }
-    let bound = if size > LARGEST {
-        format!("finite and at most {LARGEST:e} in size")
-    } else {
+    let bound = if size < SMALLEST {
         format!("0 or at least {SMALLEST:e} in size")
+    } else {
+        format!("finite and at most {LARGEST:e} in size")
     };
     Some(format!("is {x:?}, must be {bound}"))
 }
 
-fn outside(n: i64, path: &[String]) -> Option<String> {
-    let names = path.iter().filter(|s| s.parse::<usize>().is_err());
-    let key = names.cloned().collect::<Vec<_>>().join(".");
+fn outside(n: i64, key: &str) -> Option<String> {
+    let names = key.split('.').filter(|s| s.parse::<usize>().is_err());
+    let key = names.collect::<Vec<_>>().join(".");
     let bounds = COUNTS.iter().find(|(name, ..)| *name == key);
     let (least, most) = bounds.map_or((0, MOST), |&(_, least, most)| (least, most));
     (!(least..=most).contains(&n)).then(|| format!("is {n}, must lie between {least} and {most}"))
@@ -78,30 +80,28 @@ fn outside(n: i64, path: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use crate::builtin::load;
-    use crate::config::{Content, Document, resolver, walk};
+    use stridemap_config::walk;
+    use toml::Value;
 
     /// Every number of every task, set to what no number may be, is refused by its key before anything is
     /// made of it.
     #[test]
     fn no_key_takes_a_number_without_bound() {
         for name in ["stepping", "walking", "small-walking"] {
-            let resolved = load(name, &[]).unwrap().resolved;
-            let tasks = [("task", resolved.as_str())];
-            let document = Document::load("task", &[], resolver(&tasks)).unwrap();
             let mut sets = Vec::new();
-            walk(
-                document.root(),
-                &mut Vec::new(),
-                &mut |_, _, value, path| {
-                    let values: &[&str] = match value.content {
-                        Content::Float(_) => &["inf", "-1e300", "1e-300"],
-                        Content::Integer(_) => &["9223372036854775807"],
-                        _ => &[],
-                    };
-                    let key = path.join(".");
-                    sets.extend(values.iter().map(|v| (key.clone(), format!("{key}={v}"))));
-                },
-            );
+            walk(&load(name, &[]).unwrap().task, &mut |key, value| {
+                let values: &[&str] = match value {
+                    Value::Float(_) => &["nan", "inf", "-1e300", "1e-300"],
+                    Value::Integer(_) => &["9223372036854775807"],
+                    _ => &[],
+                };
+                sets.extend(
+                    values
+                        .iter()
+                        .map(|v| (key.to_owned(), format!("{key}={v}"))),
+                );
+            })
+            .unwrap();
             assert!(sets.len() > 100);
             for (key, set) in sets {
                 let error = load(name, std::slice::from_ref(&set)).unwrap_err();

@@ -66,10 +66,15 @@ impl LoadedTask {
             }
         }
         if let Some(hardware) = &mut self.task.robot.hardware {
-            hardware.individual.get_or_insert(seed);
+            let individual = *hardware.individual.get_or_insert(seed);
+            if i64::try_from(individual).is_err() {
+                return Err(LabError::Invalid(Invalid {
+                    key: "robot.hardware.individual".into(),
+                    requirement: format!("is {individual}, the seed; must be at most {}", i64::MAX),
+                }));
+            }
         }
-        self.resolved =
-            crate::config::to_toml(&self.task).map_err(|e| LabError::Config(Box::new(e)))?;
+        self.resolved = self.task.to_toml()?;
         Ok(self)
     }
 }

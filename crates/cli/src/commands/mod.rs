@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::FinishedRun;
-use stridemap_lab::{Asked, LabError, Provenance, RobotChoice, Task, config, task_differences};
+use stridemap_lab::{Asked, Provenance, RobotChoice, Task, task_differences};
 
 use clap::ValueEnum;
 
@@ -40,7 +40,7 @@ fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
 pub fn on_robot(loaded: LoadedTask, common: &Common) -> Result<LoadedTask, Failure> {
     let mut loaded = loaded.on(common.robot.map(Into::into), common.seed)?;
     in_network(&mut loaded.task, common)?;
-    loaded.resolved = config::to_toml(&loaded.task).map_err(|e| LabError::Config(Box::new(e)))?;
+    loaded.resolved = loaded.task.to_toml()?;
     Ok(loaded)
 }
 

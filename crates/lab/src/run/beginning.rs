@@ -153,9 +153,7 @@ pub(super) fn build(
         log.begin()?;
     }
     Log::open(&path.join(EVENTS), EVENTS_HEADER, Keep::Lines)?.begin()?;
-    let config =
-        crate::config::to_toml(&task).map_err(|error| LabError::Config(Box::new(error)))?;
-    write_whole(&path.join("config.toml"), config.as_bytes())
+    write_whole(&path.join("config.toml"), task.to_toml()?.as_bytes())
 }
 
 /// A file's path seen from a directory that need not be there yet; `None` if it is no text.
