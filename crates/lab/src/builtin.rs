@@ -1,9 +1,10 @@
 //! Built-in tasks, and tasks from files.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use stridemap_config::{ConfigError, Document, nearest, to_toml};
-use stridemap_mujoco::ModelSource;
+use stridemap_mujoco::{ModelSource, MujocoError};
 use stridemap_robot::{LEG_JOINTS, LegJoint};
 
 use crate::error::{Invalid, LabError};
@@ -74,6 +75,34 @@ impl LoadedTask {
     }
 }
 
+/// Where a task was written, for faults that are found once its robot is built; no part of its value.
+#[derive(Clone, Debug, Default)]
+pub struct Written(Option<Arc<Document>>);
+
+impl PartialEq for Written {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Task {
+    /// A fault of the robot's model or of its names at the key at fault, in the file where that was written.
+    #[must_use]
+    pub fn located(&self, error: MujocoError) -> LabError {
+        let Some(document) = &self.written.0 else {
+            return error.into();
+        };
+        let key = error.key();
+        let text = error.to_string();
+        let said = text.strip_prefix(&format!("{key}: ")).unwrap_or(&text);
+        let model = match &error {
+            MujocoError::Load { .. } | MujocoError::NotABiped { .. } => String::new(),
+            _ => format!(" (model {})", self.robot.model),
+        };
+        config(document.located(&format!("robot.{key}"), format!("{said}{model}")))
+    }
+}
+
 /// Loads a built-in task by name, or a task file, with `key=value` overrides.
 ///
 /// # Errors
@@ -134,6 +163,7 @@ fn finish(document: Document) -> Result<LoadedTask, LabError> {
     let file = document
         .file()
         .and_then(|file| std::path::absolute(file).ok());
+    task.written = Written(Some(Arc::new(document)));
     Ok(LoadedTask {
         task,
         resolved,
@@ -170,7 +200,6 @@ fn not_yet(document: &Document) -> Option<(String, String)> {
 fn located(document: &Document, error: LabError) -> LabError {
     use stridemap_gait::GaitError;
     use stridemap_learn::LearnError;
-    use stridemap_mujoco::MujocoError;
     use stridemap_returnmap::ProcessError;
     use stridemap_section::SectionError;
 
@@ -332,6 +361,53 @@ mod tests {
                 "{error}"
             );
         }
+    }
+
+    #[test]
+    fn what_is_found_when_the_robot_is_built_is_placed_as_well() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("task.toml");
+        let says = |robot: &str| {
+            let text = format!("extends = \"stepping\"\nname = \"mine\"\n{robot}");
+            std::fs::write(&file, text).unwrap();
+            let error = load_file(&file, &[]).unwrap().task.plant().err().unwrap();
+            assert!(error.is_request(), "{error:?}");
+            error.to_string()
+        };
+        let at = |line: usize| format!("{}:{line}: ", file.display());
+        let text = says("robot.rest_deg.failure = 3");
+        assert!(
+            text.starts_with(&(at(3) + "robot.rest_deg.failure: the model has no leg joint")),
+            "{text}"
+        );
+        let leg = |roll: &str| {
+            format!(
+                "\n[robot.right]\nfoot = \"right_foot\"\nhip_pitch = \"right_hip_pitch\"\nknee = \"right_knee\"\n\
+             ankle_pitch = \"right_ankle_pitch\"\nankle_roll = \"right_ankle_roll\"\nhip_roll = \"{roll}\"\n"
+            )
+        };
+        let text = says(&leg("b_hip_roll"));
+        assert!(
+            text.starts_with(&(at(10) + "robot.right.hip_roll: the model has no joint")),
+            "{text}"
+        );
+        // Where the model is at fault: the key that names it, and its path.
+        let biped = stridemap_mujoco::BIPED_XML;
+        let (before, after) = biped.split_once("<actuator>").unwrap();
+        let (_, after) = after.split_once("</actuator>").unwrap();
+        std::fs::write(dir.path().join("robot.xml"), format!("{before}{after}")).unwrap();
+        let text = says("robot.model = \"robot.xml\"");
+        assert!(
+            text.starts_with(&(at(3) + "robot.model: the joint")),
+            "{text}"
+        );
+        assert!(text.contains("robot.xml"), "{text}");
+        let error = load("stepping", &["robot.rest_deg.failure=3".into()]).unwrap();
+        let text = error.task.plant().err().unwrap().to_string();
+        assert!(
+            text.starts_with("--set robot.rest_deg.failure=3: "),
+            "{text}"
+        );
     }
 
     #[test]

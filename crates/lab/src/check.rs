@@ -88,7 +88,7 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         refused: None,
     };
 
-    let mut robot = MujocoRobot::new(task.robot.clone())?;
+    let mut robot = MujocoRobot::new(task.robot.clone()).map_err(|error| task.located(error))?;
     report.joints = robot.joint_report()?;
     let problems: Vec<String> = report
         .joints

@@ -63,7 +63,8 @@ impl Provenance {
         git_revision: Option<&str>,
         command: String,
     ) -> Result<Self, LabError> {
-        let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone())?;
+        let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone())
+            .map_err(|error| task.located(error))?;
         let engine = robot.provenance()?;
         let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         Ok(Self {

@@ -277,6 +277,9 @@ pub struct Task {
     pub record: RecordConfig,
     /// When a run counts as a success.
     pub success: SuccessConfig,
+    /// Where it was written.
+    #[serde(skip)]
+    pub written: crate::builtin::Written,
 }
 
 impl Task {
@@ -813,7 +816,8 @@ impl Task {
         if self.link.is_some() {
             return Err(LabError::NotHere);
         }
-        self.plant_on(self.robot.build()?)
+        let robot = self.robot.build();
+        self.plant_on(robot.map_err(|error| self.located(error))?)
     }
 
     /// Puts the gait on a robot: a stride process.

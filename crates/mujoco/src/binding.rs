@@ -266,13 +266,8 @@ fn other_axes(
                 .iter()
                 .filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint));
             let names = LEG_JOINTS.iter().map(|joint| joint.name()).chain(beyond);
-            let field = "rest_deg".to_owned();
-            return Err(no_such_name(
-                field,
-                "leg joint or further hinge",
-                name,
-                names,
-            ));
+            let (field, what) = (format!("rest_deg.{name:?}"), "leg joint or further hinge");
+            return Err(no_such_name(field, what, name, names));
         }
     }
     Ok(others)

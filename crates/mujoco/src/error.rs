@@ -125,6 +125,20 @@ pub enum MujocoError {
     },
 }
 
+impl MujocoError {
+    /// The key of the configuration at fault, e.g. `left.knee`; `model` where the model is.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        match self {
+            Self::BadValue { field, .. } => field,
+            Self::PeriodNotMultiple { .. } => "control_period_s",
+            Self::NoSuchName { field, .. } | Self::NotAHinge { field, .. } => field,
+            Self::NamedTwice { second, .. } => second,
+            _ => "model",
+        }
+    }
+}
+
 /// The largest step up to `step` that divides the period.
 fn dividing(period: f64, step: f64) -> f64 {
     rounded(period / (period / step).ceil().max(1.0))

@@ -34,7 +34,7 @@ pub fn plant(
     doing: &Doing,
     run: Option<&Path>,
 ) -> Result<Plant, Failure> {
-    let lab = stridemap_lab::LabError::from;
+    let lab = |error| task.located(error);
     let logged = common.log || task.link.is_some();
     let path = run.filter(|_| logged).map(log_path);
     let last_fall = LastFall::default();
@@ -102,7 +102,7 @@ pub fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
         hardware: None,
         ..task.robot.clone()
     };
-    let model = SimulatedMachine::new(&ideal).map_err(stridemap_lab::LabError::from)?;
+    let model = SimulatedMachine::new(&ideal).map_err(|error| task.located(error))?;
     let own = model.description();
     Ok((own.joint_names.clone(), own.limits.clone()))
 }
