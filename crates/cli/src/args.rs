@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::builder::RangedU64ValueParser;
+use clap::builder::{PossibleValue, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use stridemap_lab::LearnerKind;
+use stridemap_lab::{LearnerKind, learners};
 
 /// Most seeds of one command.
 const SEEDS: u64 = 10_000;
@@ -132,37 +132,34 @@ pub struct NewRun {
     pub common: Common,
 }
 
-/// A learner, by the name in its own command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LearnerName {
-    /// The paper's actor-critic, in the map.
-    ActorCritic,
-    /// A search in the map over constants, with feedback.
-    Search,
-    /// Without a map: every component at the bound.
-    Constant,
-    /// Without a map: integral action on psi_roll, then its mean.
-    Integral,
-    /// Without a map: regression of the reward on the action.
-    Linear,
-    /// Without a map: Bayesian optimisation on the robot.
-    BayesOpt,
-    /// Without a map: CMA-ES on the robot.
-    CmaEs,
+/// A learner by its name in task files, with - for _.
+fn learner() -> impl TypedValueParser<Value = LearnerKind> {
+    let names = learners().all().into_iter().map(|part| {
+        PossibleValue::new(part.name().replace('_', "-"))
+            .alias(part.name())
+            .help(part.about())
+    });
+    PossibleValuesParser::new(names).try_map(|name| {
+        learners()
+            .find(&name.replace('-', "_"))
+            .map(LearnerKind)
+            .ok_or("no learner")
+    })
 }
 
-impl From<LearnerName> for LearnerKind {
-    fn from(name: LearnerName) -> Self {
-        match name {
-            LearnerName::ActorCritic => Self::ActorCritic,
-            LearnerName::Search => Self::Search,
-            LearnerName::Constant => Self::Constant,
-            LearnerName::Integral => Self::Integral,
-            LearnerName::Linear => Self::Linear,
-            LearnerName::BayesOpt => Self::BayesOpt,
-            LearnerName::CmaEs => Self::CmaEs,
-        }
-    }
+/// What may be listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PartKind {
+    /// Nominal gaits: gait.kind of a task.
+    Gaits,
+    /// Learners: learner.kind.
+    Learners,
+    /// Quantities of reward terms: [[reward]] quantity.
+    Rewards,
+    /// Components of the state at the section: state.
+    States,
+    /// Robots that --robot names.
+    Robots,
 }
 
 /// A figure of the paper.
@@ -245,10 +242,9 @@ pub enum Command {
         /// Goes on with a run that was stopped or killed; it ends as if it had never been.
         #[arg(long, value_name = "RUN", conflicts_with_all = ["task", "out", "seeds"])]
         resume: Option<PathBuf>,
-        /// Another learner than the task's: actor-critic or search in the map; without a map constant,
-        /// linear, bayes-opt or cma-es.
-        #[arg(long, conflicts_with = "resume")]
-        learner: Option<LearnerName>,
+        /// Another learner than the task's (`stridemap list learners` says what each is).
+        #[arg(long, conflicts_with = "resume", value_parser = learner())]
+        learner: Option<LearnerKind>,
         /// Collects strides, 20 at a time, until the map of those before predicts the newest 20 at the
         /// next section with an error (its largest component, relative to their spread) under this.
         #[arg(long, value_name = "X", conflicts_with = "resume", value_parser = within(0.0, 1e6))]
@@ -429,6 +425,15 @@ pub enum Command {
         /// Options shared by most commands.
         #[command(flatten)]
         common: Common,
+    },
+    /// Lists the parts that a task file may name, with a line on each.
+    List {
+        /// Of which kind.
+        #[arg(value_enum)]
+        kind: PartKind,
+        /// Prints one JSON document.
+        #[arg(long)]
+        json: bool,
     },
     /// Writes a commented task file to start from.
     Init {

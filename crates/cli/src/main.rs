@@ -165,6 +165,7 @@ fn run(command: Command) -> Result<(), Failure> {
             commands::report::view(&run, out.as_deref(), no_open)
         }
         Command::Check { task, common } => commands::task::check(&task, &common),
+        Command::List { kind, json } => commands::list::list(kind, json),
         Command::Init { file } => commands::task::init(file.as_deref()),
         Command::Robot {
             robot: args::ServedRobot::Op3,

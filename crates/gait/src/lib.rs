@@ -23,6 +23,6 @@ mod targets;
 
 pub use filter::LowPass;
 pub use gait::{Gait, GaitError, Modulation};
-pub use oscillator::{AmplitudeConfig, OscillatorGait, OscillatorGaitConfig, RampConfig};
+pub use oscillator::{AmplitudeConfig, GaitConfig, OscillatorGait, RampConfig};
 pub use phase::{PhaseConfig, PhaseDetector, PhaseSource};
 pub use targets::{Amplitudes, Phases, joint_offsets};

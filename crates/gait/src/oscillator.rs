@@ -1,5 +1,7 @@
 //! The paper's gait: four oscillators phase-locked to the robot.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{JointTargets, LegJoint, RobotState, Side};
 
@@ -36,10 +38,16 @@ pub struct RampConfig {
     pub pitch: [f64; 2],
 }
 
-/// Parameters of an [`OscillatorGait`]; defaults are Table 1 of \[MA09\], simulated stepping.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Which gait, and the parameters of an [`OscillatorGait`]; defaults are Table 1 of \[MA09\], simulated stepping.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct OscillatorGaitConfig {
+pub struct GaitConfig {
+    /// Which gait; left out: the oscillators.
+    #[serde(default = "oscillator", skip_serializing_if = "is_oscillator")]
+    pub kind: String,
+    /// Parameters of a gait of one's own, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub own: BTreeMap<String, f64>,
     /// `ω_c`, natural angular frequency of the oscillators.
     pub natural_frequency_rad_s: f64,
     /// `K_c`, coupling to the robot's phase.
@@ -54,9 +62,19 @@ pub struct OscillatorGaitConfig {
     pub phase: PhaseConfig,
 }
 
-impl Default for OscillatorGaitConfig {
+fn oscillator() -> String {
+    "oscillator".into()
+}
+
+fn is_oscillator(kind: &str) -> bool {
+    kind == "oscillator"
+}
+
+impl Default for GaitConfig {
     fn default() -> Self {
         Self {
+            kind: oscillator(),
+            own: BTreeMap::new(),
             natural_frequency_rad_s: 3.5,
             coupling_rad_s: 10.0,
             coupling_delay_s: 0.0,
@@ -80,7 +98,7 @@ impl Default for OscillatorGaitConfig {
     }
 }
 
-impl OscillatorGaitConfig {
+impl GaitConfig {
     /// Checks every value.
     ///
     /// # Errors
@@ -159,7 +177,7 @@ const CROUCH: usize = 8;
 const COUNT: usize = 9;
 
 /// The modulations of a gait with this configuration.
-fn modulations(config: &OscillatorGaitConfig) -> [Modulation; COUNT] {
+fn modulations(config: &GaitConfig) -> [Modulation; COUNT] {
     let m = |name, neutral, lower, upper, about| Modulation {
         name,
         neutral,
@@ -243,7 +261,7 @@ fn modulations(config: &OscillatorGaitConfig) -> [Modulation; COUNT] {
 /// integrated by one Euler step per control period.
 #[derive(Clone, Debug)]
 pub struct OscillatorGait {
-    config: OscillatorGaitConfig,
+    config: GaitConfig,
     rest: JointTargets,
     modulations: [Modulation; COUNT],
     values: [f64; COUNT],
@@ -258,16 +276,16 @@ impl OscillatorGait {
     /// # Errors
     ///
     /// [`GaitError::Parameter`] for a configuration outside its domain.
-    pub fn new(config: OscillatorGaitConfig, rest: JointTargets) -> Result<Self, GaitError> {
+    pub fn new(config: GaitConfig, rest: JointTargets) -> Result<Self, GaitError> {
         config.validate()?;
         let modulations = modulations(&config);
         let values = std::array::from_fn(|i| modulations[i].neutral);
         Ok(Self {
-            config,
             rest,
             modulations,
             values,
             detector: PhaseDetector::new(config.phase),
+            config,
             phases_rad: DESIRED_PHASE_RAD,
             time_s: 0.0,
         })
@@ -412,7 +430,7 @@ mod tests {
     /// Filters off, `y = a cos(t)`: Ω = 1 rad/s.
     #[test]
     fn oscillators_lock_with_the_lag_that_eq_2_implies() {
-        let mut config = OscillatorGaitConfig::default();
+        let mut config = GaitConfig::default();
         config.phase.position_filter_s = 0.0;
         config.phase.velocity_filter_s = 0.0;
         config.natural_frequency_rad_s = 3.5;
@@ -432,7 +450,7 @@ mod tests {
 
     #[test]
     fn starts_in_the_rest_posture_and_ends_its_ramp_at_full_amplitude() {
-        let mut gait = OscillatorGait::new(OscillatorGaitConfig::default(), rest()).unwrap();
+        let mut gait = OscillatorGait::new(GaitConfig::default(), rest()).unwrap();
         let first = gait.targets(&weight_at(0.0), 0.002);
         for (side, joint, angle) in first.position_rad.iter() {
             let from_rest = angle - rest().position_rad[(side, joint)];
@@ -449,7 +467,7 @@ mod tests {
 
     #[test]
     fn modulations_move_what_they_name_and_reset_forgets_them() {
-        let mut gait = OscillatorGait::new(OscillatorGaitConfig::default(), rest()).unwrap();
+        let mut gait = OscillatorGait::new(GaitConfig::default(), rest()).unwrap();
         gait.time_s = 10.0;
         gait.modulate(STEP, 2.0).unwrap();
         gait.modulate(ANKLE_ROLL_STEP, 1.0).unwrap();
@@ -477,7 +495,7 @@ mod tests {
 
     #[test]
     fn a_nan_modulation_is_refused() {
-        let mut gait = OscillatorGait::new(OscillatorGaitConfig::default(), rest()).unwrap();
+        let mut gait = OscillatorGait::new(GaitConfig::default(), rest()).unwrap();
         assert!(matches!(
             gait.modulate(STEP, f64::NAN),
             Err(GaitError::ModulationOutOfRange {

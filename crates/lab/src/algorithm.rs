@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use stridemap_learn::{ActorCritic, Learner, SavedPolicy, TrialSummary};
+use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_returnmap::{
     LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess,
 };
@@ -21,11 +21,13 @@ use stridemap_returnmap::{
 use crate::error::LabError;
 use crate::fall::RobotFall;
 use crate::guard::GuardWarning;
+use crate::learner::Known;
 use crate::plant::{InPlace, Plant, PlantCounters};
 use crate::poses::{Filming, Pace, Recording};
 use crate::proof::Proof;
-use crate::reward::{StateComponent, reward_of_state};
+use crate::reward::reward_of_state;
 use crate::seed::{Role, stream};
+use crate::state::StateComponent;
 use crate::strides::{
     Act, ActionSource, Actor, Batch, Performance, StridePhase, StrideRole, Transition, drive,
 };
@@ -534,7 +536,7 @@ impl<'a> Algorithm<'a> {
                 .task
                 .state
                 .iter()
-                .position(|c| *c == StateComponent::PsiPitchRateDegS)
+                .position(|c| *c == StateComponent::PSI_PITCH_RATE_DEG_S)
                 .filter(|_| self.task.caution.is_some());
             if let Some(i) = pitch_rate {
                 let scores = map.outputs()[i].leave_one_out();
@@ -574,33 +576,13 @@ impl<'a> Algorithm<'a> {
                 written = recorder.trial(iteration, trial);
             }
         };
-        let region = self.task.caution.as_ref().map(|c| self.trust_region(c));
-        let region = region.transpose()?;
-        let policy = match (&self.task.caution, map) {
-            (Some(caution), map) => self.propose(caution, map, &mut rng, &mut observe)?,
-            (None, Some(map)) => {
-                let initial = if self.task.learner.warm_start {
-                    self.progress.policies.last()
-                } else {
-                    None
-                };
-                let mut learner = ActorCritic {
-                    config: self.task.learner.actor_critic.clone(),
-                };
-                let mut process = map.clone();
-                learner
-                    .improve(&mut process, initial, &mut rng, &mut |report| {
-                        observe(report.summary);
-                    })?
-                    .policy
-            }
-            (None, None) => {
-                return Err(LabError::TooFewStrides {
-                    found: 0,
-                    needed: 1,
-                });
-            }
-        };
+        let known = Known::of(self.task, self.seed, &self.progress, map)?;
+        let policy = self
+            .task
+            .learner
+            .kind
+            .propose(&known, &mut rng, &mut observe)?;
+        let region = known.region;
         written?;
         if let Some(last) = self.progress.iterations.last_mut() {
             last.trust_region = region;
@@ -658,10 +640,9 @@ impl<'a> Algorithm<'a> {
     /// Has the next batch recorded, where the task wants pictures: a time lapse, and a film.
     fn film(&mut self, lapse: bool, film: bool) -> Filming {
         let seconds = self.task.record.pose_seconds;
-        let ramps = self.task.gait.ramp_s;
         // A start that steps on the spot first is filmed from the end of it.
         let warm_up_s = WARM_UP_STRIDE_S * self.task.collect.warm_up_strides as f64;
-        let begin_s = ramps.roll[1].max(ramps.pitch[1]) + warm_up_s;
+        let begin_s = self.plant.start_up_s() + warm_up_s;
         let takes = [
             (film, Pace::Film, [begin_s, begin_s + seconds]),
             (lapse, Pace::Lapse, [0.0, LAPSE_S]),
@@ -810,16 +791,12 @@ pub fn fit_map(
         });
     }
     let mut rng = stream(seed, Role::Fit, iteration as u64);
-    let (terms, components) = (task.reward.clone(), task.state.clone());
-    let from_state = reward_of_state(&terms, &components, &samples[0].state).is_some();
     let world = MapWorld {
         spec: task.process_spec()?,
         limits: task.action_limits()?,
         failure: task.failure.in_map(&task.state, in_place),
-        reward: from_state.then(|| {
-            let f = move |x: &[f64]| reward_of_state(&terms, &components, x).unwrap_or(0.0);
-            std::sync::Arc::new(f) as StateReward
-        }),
+        reward: reward_of_state(&task.reward, &task.state)
+            .map(|reward| std::sync::Arc::new(reward) as StateReward),
     };
     Ok(LearnedMap::fit(
         task.map_config(),

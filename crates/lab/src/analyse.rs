@@ -8,8 +8,8 @@ use crate::algorithm::{Progress, fit_map};
 use crate::error::{Invalid, LabError};
 use crate::plant::InPlace;
 use crate::proof::Proof;
-use crate::reward::StateComponent;
 use crate::seed::{Role, stream};
+use crate::state::StateComponent;
 use crate::strides::{StrideRole, Transition};
 use crate::task::Task;
 
@@ -59,7 +59,7 @@ fn pitch_rate(task: &Task) -> Result<usize, LabError> {
     let position = task
         .state
         .iter()
-        .position(|c| *c == StateComponent::PsiPitchRateDegS);
+        .position(|c| *c == StateComponent::PSI_PITCH_RATE_DEG_S);
     position.ok_or_else(|| {
         LabError::Invalid(Invalid {
             key: "state".into(),
@@ -134,9 +134,9 @@ pub fn held_out(
     seed: u64,
 ) -> Result<Vec<HeldOut>, LabError> {
     const PAPER: [StateComponent; 3] = [
-        StateComponent::PsiRollDeg,
-        StateComponent::PsiPitchDeg,
-        StateComponent::PsiPitchRateDegS,
+        StateComponent::PSI_ROLL_DEG,
+        StateComponent::PSI_PITCH_DEG,
+        StateComponent::PSI_PITCH_RATE_DEG_S,
     ];
     pitch_rate(task)?;
     let all: Vec<usize> = (0..task.state.len()).collect();

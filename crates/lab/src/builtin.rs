@@ -8,7 +8,8 @@ use stridemap_mujoco::{ModelSource, MujocoError};
 use stridemap_robot::{LEG_JOINTS, LegJoint};
 
 use crate::error::{Invalid, LabError};
-use crate::task::{LearnerKind, Task};
+use crate::learner::LearnerKind;
+use crate::task::Task;
 
 /// Name and text of every built-in task.
 pub const TASKS: [(&str, &str); 7] = [
@@ -300,7 +301,7 @@ mod tests {
             assert_eq!(read, loaded.task);
         }
         let stepping = load("stepping", &[]).unwrap();
-        let error = stepping.with_learner(LearnerKind::Linear).unwrap_err();
+        let error = stepping.with_learner(LearnerKind::CONTROLS[1]).unwrap_err();
         assert!(
             error.is_request() && error.to_string().contains("--controls"),
             "{error}"
@@ -312,7 +313,7 @@ mod tests {
         let walking = load("walking", &[]).unwrap().task;
         let constant = load("walking", &["learner.kind=constant".into()]);
         let mut constant = constant.unwrap().task;
-        assert_eq!(constant.learner.kind, LearnerKind::Constant);
+        assert_eq!(constant.learner.kind, LearnerKind::CONTROLS[0]);
         constant.learner.kind = walking.learner.kind;
         assert_eq!(constant, walking);
         // Another state needs other widths of the actor-critic, where that is the learner.

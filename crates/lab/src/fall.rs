@@ -10,7 +10,7 @@ use stridemap_returnmap::{MapFailure, StrideEnd};
 use stridemap_robot::RobotState;
 
 use crate::plant::InPlace;
-use crate::reward::StateComponent;
+use crate::state::StateComponent;
 use crate::strides::{StridePhase, Transition};
 
 /// When a stride counts as a fall or a stall, and what that costs.
@@ -188,7 +188,9 @@ impl FailureConfig {
     #[must_use]
     pub fn in_map(&self, state: &[StateComponent], in_place: &InPlace) -> MapFailure {
         MapFailure {
-            component: state.iter().position(|c| *c == StateComponent::PsiRollDeg),
+            component: state
+                .iter()
+                .position(|c| *c == StateComponent::PSI_ROLL_DEG),
             below: self.least_psi_roll_deg(in_place),
             reward: self.reward,
         }
@@ -307,7 +309,7 @@ mod tests {
             psi_roll_deg: 3.0,
             pitch_rate_change_deg_s: 0.0,
         };
-        let state = [StateComponent::PsiPitchDeg, StateComponent::PsiRollDeg];
+        let state = [StateComponent::PSI_PITCH_DEG, StateComponent::PSI_ROLL_DEG];
         for relative in [false, true] {
             let failure = FailureConfig {
                 psi_roll_relative: relative,

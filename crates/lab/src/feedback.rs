@@ -31,7 +31,7 @@ use stridemap_learn::{CmaEs, LinearPolicy, SavedPolicy};
 use stridemap_returnmap::{LearnedMap, MapPoint, MapSample, ProcessSpec, State};
 
 use crate::error::LabError;
-use crate::reward::StateComponent;
+use crate::state::StateComponent;
 
 /// Feedback about constants found in the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,28 +7,10 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use crate::algorithm::{Algorithm, NoRecorder};
 use crate::compare::Spread;
 use crate::error::LabError;
+use crate::learner::LearnerKind;
 use crate::run::Summary;
-use crate::task::{LearnerKind, Task};
+use crate::task::Task;
 use crate::walk::WalkTimes;
-
-impl LearnerKind {
-    /// The controls, which use no map of the robot's state.
-    pub const CONTROLS: [Self; 4] = [Self::Constant, Self::Linear, Self::BayesOpt, Self::CmaEs];
-
-    /// The word used in task files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ActorCritic => "actor_critic",
-            Self::Search => "search",
-            Self::Constant => "constant",
-            Self::Integral => "integral",
-            Self::Linear => "linear",
-            Self::BayesOpt => "bayes_opt",
-            Self::CmaEs => "cma_es",
-        }
-    }
-}
 
 /// Runs a task with one learner and keeps nothing but the summary.
 ///

@@ -23,13 +23,13 @@ mod caution;
 mod check;
 mod choice;
 mod compare;
-mod controls;
 mod error;
 mod fall;
 mod feedback;
+mod gaits;
 mod guard;
 mod guarded;
-mod integral;
+mod learner;
 mod learners;
 mod mean_roll;
 mod measure;
@@ -41,12 +41,14 @@ mod poses;
 mod proof;
 mod provenance;
 mod push;
+mod registry;
 mod return_line;
 mod reward;
 mod robots;
 pub mod run;
 mod samples;
 pub mod seed;
+mod state;
 mod steering;
 mod strides;
 mod success;
@@ -65,13 +67,16 @@ pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{
     ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, compare_seed, learning_curves, students_t,
 };
-pub use controls::ControlsConfig;
 pub use error::{Invalid, LabError};
 pub use fall::{FailureConfig, Fall, FallCriterion, RobotFall};
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
+pub use gaits::{GaitPart, gaits};
 pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
 pub use guarded::GuardedExplorer;
-pub use integral::{IntegralAction, IntegralConfig};
+pub use learner::{
+    ControlsConfig, IntegralAction, IntegralConfig, Known, LearnerKind, LearnerPart,
+    SearchSettings, learners,
+};
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::{StrideMeasures, StrideMeter};
@@ -84,10 +89,14 @@ pub use poses::{Pace, PoseRecorder, Recording};
 pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
 pub use provenance::{Asked, Provenance, task_differences};
 pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, PushOutcome, PushPair, push};
+pub use registry::{Part, Registry};
 pub use return_line::ReturnMapLine;
-pub use reward::{RewardQuantity, RewardTerm, StateComponent, reward, reward_of_state};
+pub use reward::{
+    RewardOf, RewardPart, RewardQuantity, RewardTerm, reward, reward_of_state, rewards,
+};
 pub use robots::RobotChoice;
 pub use samples::{one_step_error, unseen_error};
+pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
 pub use strides::{
     Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,
@@ -95,8 +104,7 @@ pub use strides::{
 };
 pub use success::SuccessConfig;
 pub use task::{
-    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, LearnerKind,
-    RecordConfig, SearchSettings, Task,
+    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task,
 };
 pub use trust::{Region, TrustConfig};
 pub use walk::{Walk, WalkTimes, Walker};

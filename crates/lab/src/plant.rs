@@ -21,7 +21,8 @@ use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 use crate::error::LabError;
 use crate::fall::{FailureConfig, Fall};
 use crate::measure::{StrideMeasures, StrideMeter, wrapped_rad};
-use crate::reward::{RewardTerm, StateComponent, reward};
+use crate::reward::{RewardTerm, reward};
+use crate::state::{AtSection, StateComponent};
 use crate::strides::{Batch, Transition};
 use crate::truth::TrueWay;
 
@@ -312,6 +313,12 @@ impl Plant {
         self.robot.as_ref()
     }
 
+    /// Seconds after a reset until the gait is at full amplitude.
+    #[must_use]
+    pub fn start_up_s(&self) -> f64 {
+        self.gait.start_up_s()
+    }
+
     /// Sets or removes a log of actions and sections.
     pub fn log(&mut self, log: Option<Box<dyn StrideObserver>>) {
         self.log = log;
@@ -411,12 +418,21 @@ impl Plant {
         }
     }
 
-    fn state_of(&self, measures: &StrideMeasures) -> State {
-        self.task
-            .state
-            .iter()
-            .map(|component| component.of(measures))
-            .collect()
+    fn state_of(&self, at: &AtSection<'_>) -> State {
+        let components = self.task.state.iter();
+        components.map(|component| (component.of)(at)).collect()
+    }
+
+    fn at_section<'a>(
+        &'a self,
+        measures: &'a StrideMeasures,
+        pendulum: Option<&'a Pendulum>,
+    ) -> AtSection<'a> {
+        AtSection {
+            measures,
+            robot: self.robot.state(),
+            pendulum,
+        }
     }
 
     fn count_end(&mut self, end: StrideEnd, fall: Option<&Fall>, in_stride: bool) {
@@ -467,7 +483,8 @@ impl Plant {
                     self.meter.begin_episode(self.robot.state());
                     self.true_way.begin_episode(self.robot.true_state());
                     let measures = self.measured(Some(&crossing.pendulum));
-                    return Ok(Ok(self.state_of(&measures)));
+                    let at = self.at_section(&measures, Some(&crossing.pendulum));
+                    return Ok(Ok(self.state_of(&at)));
                 }
                 Outcome::Fell(fall) => {
                     self.tell_end(fall.criterion.end(), Some(&fall), false);
@@ -542,10 +559,11 @@ impl StrideProcess for Plant {
         self.last_fall = fall;
         let measures = self.measured(pendulum.as_ref());
         self.last_measures = measures;
+        let at = self.at_section(&measures, pendulum.as_ref());
         Ok(Stride {
-            next_state: self.state_of(&measures),
+            next_state: self.state_of(&at),
             reward: match end {
-                StrideEnd::Crossing => reward(&self.task.reward, &measures),
+                StrideEnd::Crossing => reward(&self.task.reward, &at),
                 StrideEnd::Fell | StrideEnd::NoCrossing => self.task.failure.reward,
                 StrideEnd::Aborted => 0.0,
             },

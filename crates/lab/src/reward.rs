@@ -2,82 +2,144 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::measure::StrideMeasures;
+use crate::registry::{Part, Registry, named};
+use crate::state::{AtSection, StateComponent};
 
-/// A component of the state at the section.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StateComponent {
-    /// `ψ_roll`, degrees, + when the mass is inside its foot.
-    PsiRollDeg,
-    /// `ψ_pitch`, degrees, + when the mass is ahead of its foot.
-    PsiPitchDeg,
-    /// `ψ̇_pitch`, degrees per second.
-    PsiPitchRateDegS,
-    /// Yaw rate of the pelvis, degrees per second, + towards the side of the stance leg.
-    YawRateDegS,
-    /// Heading relative to the episode's first, degrees, + towards the side of the stance leg.
-    HeadingDeg,
-    /// Phase of the gait as the swing leg sees it, degrees.
-    GaitPhaseDeg,
-}
-
-impl StateComponent {
-    /// The name used in files, with its unit.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::PsiRollDeg => "psi_roll_deg",
-            Self::PsiPitchDeg => "psi_pitch_deg",
-            Self::PsiPitchRateDegS => "psi_pitch_rate_deg_s",
-            Self::YawRateDegS => "yaw_rate_deg_s",
-            Self::HeadingDeg => "heading_deg",
-            Self::GaitPhaseDeg => "gait_phase_deg",
-        }
-    }
-
-    /// Whether the robot walks alike whatever its value is: the map then learns its change alone.
-    #[must_use]
-    pub const fn is_invariant(self) -> bool {
-        matches!(self, Self::HeadingDeg)
-    }
-
-    /// Its value in what was measured of a stride.
-    #[must_use]
-    pub const fn of(self, measures: &StrideMeasures) -> f64 {
-        match self {
-            Self::PsiRollDeg => measures.psi_roll_deg,
-            Self::PsiPitchDeg => measures.psi_pitch_deg,
-            Self::PsiPitchRateDegS => measures.psi_pitch_rate_deg_s,
-            Self::YawRateDegS => measures.yaw_rate_deg_s,
-            Self::HeadingDeg => measures.heading_deg,
-            Self::GaitPhaseDeg => measures.gait_phase_deg,
-        }
-    }
+/// What a quantity is a function of.
+#[derive(Clone, Copy)]
+pub enum RewardOf {
+    /// One component of the state at the section, and the target: the map of the state tells it.
+    State(StateComponent, fn(f64, f64) -> f64),
+    /// The whole stride, so that the reward needs a map of its own \[MA09, sec. 7.2\].
+    Stride(fn(&AtSection<'_>) -> f64),
 }
 
 /// What a reward term looks at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RewardQuantity {
-    /// `−(ψ_roll − target)²`, deg² \[MA09, eqs. (27), (30)\].
-    PsiRollSquaredError,
-    /// `ψ̇_pitch` at the section, deg/s \[MA09, eq. (28)\].
-    PsiPitchRateDegS,
-    /// `(1/T) ∫ ψ̇_pitch dt` over the stride, deg/s \[MA09, eq. (31)\].
-    MeanPsiPitchRateDegS,
-    /// Speed over the stride along the heading with which it began, m/s.
-    SpeedMS,
-    /// `Σ ∫ |τ ω| dt` over the stride, J; give it a negative weight.
-    EnergyJ,
-    /// Energy over weight and way, dimensionless; give it a negative weight.
-    CostOfTransport,
-    /// Largest vertical force on one foot, N; give it a negative weight.
-    PeakFootLoadN,
-    /// Root-mean-square deviation from the rest posture, deg; give it a negative weight.
-    PostureDeviationDeg,
-    /// `|change of heading|` over the stride, deg; give it a negative weight.
-    TurnDeg,
+pub struct RewardPart {
+    /// The name used in files.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub about: &'static str,
+    /// Whether it is an error, from a target.
+    pub has_target: bool,
+    /// Its value.
+    pub of: RewardOf,
+}
+
+impl Part for RewardPart {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+    fn about(&self) -> &'static str {
+        self.about
+    }
+}
+
+named! {
+    /// What a reward term looks at, by name.
+    RewardQuantity, RewardPart, rewards
+}
+
+macro_rules! quantity {
+    ($constant:ident, $name:literal, $about:literal, $has_target:literal, $of:expr) => {
+        #[doc = $about]
+        pub const $constant: Self = {
+            static PART: RewardPart = RewardPart {
+                name: $name,
+                about: $about,
+                has_target: $has_target,
+                of: $of,
+            };
+            Self(&PART)
+        };
+    };
+}
+
+impl RewardQuantity {
+    quantity!(
+        PSI_ROLL_SQUARED_ERROR,
+        "psi_roll_squared_error",
+        "−(ψ_roll − target_deg)², deg² (MA09, eqs. 27, 30)",
+        true,
+        RewardOf::State(StateComponent::PSI_ROLL_DEG, |psi, target| -(psi - target)
+            .powi(2))
+    );
+    quantity!(
+        PSI_PITCH_RATE_DEG_S,
+        "psi_pitch_rate_deg_s",
+        "rate of ψ_pitch at the section, deg/s (MA09, eq. 28)",
+        false,
+        RewardOf::State(StateComponent::PSI_PITCH_RATE_DEG_S, |rate, _| rate)
+    );
+    quantity!(
+        MEAN_PSI_PITCH_RATE_DEG_S,
+        "mean_psi_pitch_rate_deg_s",
+        "mean rate of ψ_pitch over the stride, deg/s (MA09, eq. 31)",
+        false,
+        RewardOf::Stride(|at| at.measures.mean_psi_pitch_rate_deg_s)
+    );
+    quantity!(
+        SPEED_M_S,
+        "speed_m_s",
+        "speed over the stride along the heading with which it began, m/s",
+        false,
+        RewardOf::Stride(|at| at.measures.speed_m_s())
+    );
+    quantity!(
+        ENERGY_J,
+        "energy_j",
+        "Σ ∫ |τ ω| dt over the stride, J; give it a negative weight",
+        false,
+        RewardOf::Stride(|at| at.measures.energy_j)
+    );
+    quantity!(
+        COST_OF_TRANSPORT,
+        "cost_of_transport",
+        "energy over weight and distance, dimensionless; give it a negative weight",
+        false,
+        RewardOf::Stride(|at| at.measures.cost_of_transport)
+    );
+    quantity!(
+        PEAK_FOOT_LOAD_N,
+        "peak_foot_load_n",
+        "largest vertical force on one foot, N; give it a negative weight",
+        false,
+        RewardOf::Stride(|at| at.measures.peak_foot_load_n)
+    );
+    quantity!(
+        POSTURE_DEVIATION_DEG,
+        "posture_deviation_deg",
+        "root-mean-square deviation from the rest posture, deg; give it a negative weight",
+        false,
+        RewardOf::Stride(|at| at.measures.posture_deviation_deg)
+    );
+    quantity!(
+        TURN_DEG,
+        "turn_deg",
+        "|change of heading| over the stride, deg; give it a negative weight",
+        false,
+        RewardOf::Stride(|at| at.measures.turn_deg.abs())
+    );
+}
+
+/// The registry of quantities that a reward may have.
+#[must_use]
+pub fn rewards() -> &'static Registry<RewardPart> {
+    static REWARDS: Registry<RewardPart> = Registry::new(
+        "reward quantity",
+        &[
+            RewardQuantity::PSI_ROLL_SQUARED_ERROR.0,
+            RewardQuantity::PSI_PITCH_RATE_DEG_S.0,
+            RewardQuantity::MEAN_PSI_PITCH_RATE_DEG_S.0,
+            RewardQuantity::SPEED_M_S.0,
+            RewardQuantity::ENERGY_J.0,
+            RewardQuantity::COST_OF_TRANSPORT.0,
+            RewardQuantity::PEAK_FOOT_LOAD_N.0,
+            RewardQuantity::POSTURE_DEVIATION_DEG.0,
+            RewardQuantity::TURN_DEG.0,
+        ],
+    );
+    &REWARDS
 }
 
 /// One line of a reward: `weight × quantity`.
@@ -94,85 +156,65 @@ pub struct RewardTerm {
 }
 
 impl RewardTerm {
-    /// The term for what was measured of a stride.
+    /// The term for a stride that reached the section.
+    #[must_use]
+    pub fn of(&self, at: &AtSection<'_>) -> f64 {
+        match self.quantity.of {
+            RewardOf::State(component, _) => self.of_value((component.of)(at)),
+            RewardOf::Stride(of) => self.weight * of(at),
+        }
+    }
+
+    /// The term for a value of the component of the state that determines it; 0 where none does.
     ///
     /// # Example
     ///
     /// Eq. (27) with K = 0.1 and a target of 2 deg, 3 deg off:
     ///
     /// ```
-    /// use stridemap_lab::{RewardQuantity, RewardTerm, StrideMeasures};
+    /// use stridemap_lab::{RewardQuantity, RewardTerm};
     ///
     /// let term = RewardTerm {
-    ///     quantity: RewardQuantity::PsiRollSquaredError,
+    ///     quantity: RewardQuantity::PSI_ROLL_SQUARED_ERROR,
     ///     weight: 0.1,
     ///     target_deg: Some(2.0),
     /// };
-    /// let stride = StrideMeasures { psi_roll_deg: 5.0, ..Default::default() };
-    /// assert!((term.of(&stride) + 0.9).abs() < 1e-15);
+    /// assert!((term.of_value(5.0) + 0.9).abs() < 1e-15);
     /// ```
     #[must_use]
-    pub fn of(&self, measures: &StrideMeasures) -> f64 {
-        let quantity = match self.quantity {
-            RewardQuantity::PsiRollSquaredError => {
-                -(measures.psi_roll_deg - self.target_deg.unwrap_or(0.0)).powi(2)
-            }
-            RewardQuantity::PsiPitchRateDegS => measures.psi_pitch_rate_deg_s,
-            RewardQuantity::MeanPsiPitchRateDegS => measures.mean_psi_pitch_rate_deg_s,
-            RewardQuantity::SpeedMS => measures.speed_m_s(),
-            RewardQuantity::EnergyJ => measures.energy_j,
-            RewardQuantity::CostOfTransport => measures.cost_of_transport,
-            RewardQuantity::PeakFootLoadN => measures.peak_foot_load_n,
-            RewardQuantity::PostureDeviationDeg => measures.posture_deviation_deg,
-            RewardQuantity::TurnDeg => measures.turn_deg.abs(),
-        };
-        self.weight * quantity
-    }
-
-    /// The component of the state that determines this term; `None` if the state at the section does
-    /// not, so that the reward needs a map of its own \[MA09, sec. 7.2\].
-    #[must_use]
-    pub const fn determined_by(&self) -> Option<StateComponent> {
-        match self.quantity {
-            RewardQuantity::PsiRollSquaredError => Some(StateComponent::PsiRollDeg),
-            RewardQuantity::PsiPitchRateDegS => Some(StateComponent::PsiPitchRateDegS),
-            _ => None,
+    pub fn of_value(&self, value: f64) -> f64 {
+        match self.quantity.of {
+            RewardOf::State(_, of) => self.weight * of(value, self.target_deg.unwrap_or(0.0)),
+            RewardOf::Stride(_) => 0.0,
         }
     }
 }
 
-/// The sum of the terms for what was measured of a stride that reached the next section.
+/// The sum of the terms for a stride that reached the next section.
 #[must_use]
-pub fn reward(terms: &[RewardTerm], measures: &StrideMeasures) -> f64 {
-    terms.iter().map(|term| term.of(measures)).sum()
+pub fn reward(terms: &[RewardTerm], at: &AtSection<'_>) -> f64 {
+    terms.iter().map(|term| term.of(at)).sum()
 }
 
-/// The same sum from a state alone, when every term is determined by it; `None` otherwise.
-///
-/// States and strides share one definition of the reward: the state is put back into the measures
-/// that it came from.
+/// The same sum as a function of the state alone, when every term is determined by it; `None` otherwise: the
+/// reward then needs a map of its own \[MA09, sec. 7.2\].
 #[must_use]
 pub fn reward_of_state(
     terms: &[RewardTerm],
     components: &[StateComponent],
-    state: &[f64],
-) -> Option<f64> {
-    let mut measures = StrideMeasures::default();
-    for (component, value) in components.iter().zip(state) {
-        match component {
-            StateComponent::PsiRollDeg => measures.psi_roll_deg = *value,
-            StateComponent::PsiPitchDeg => measures.psi_pitch_deg = *value,
-            StateComponent::PsiPitchRateDegS => measures.psi_pitch_rate_deg_s = *value,
-            StateComponent::YawRateDegS => measures.yaw_rate_deg_s = *value,
-            StateComponent::HeadingDeg => measures.heading_deg = *value,
-            StateComponent::GaitPhaseDeg => measures.gait_phase_deg = *value,
+) -> Option<impl Fn(&[f64]) -> f64 + Send + Sync + 'static> {
+    let placed = terms.iter().map(|term| match term.quantity.of {
+        RewardOf::State(component, _) => {
+            let i = components.iter().position(|c| *c == component)?;
+            Some((*term, i))
         }
-    }
-    terms
-        .iter()
-        .all(|term| {
-            term.determined_by()
-                .is_some_and(|c| components.contains(&c))
-        })
-        .then(|| reward(terms, &measures))
+        RewardOf::Stride(_) => None,
+    });
+    let placed: Vec<(RewardTerm, usize)> = placed.collect::<Option<_>>()?;
+    Some(move |state: &[f64]| {
+        placed
+            .iter()
+            .map(|(term, i)| term.of_value(state[*i]))
+            .sum()
+    })
 }

@@ -18,6 +18,19 @@ pub enum RobotChoice {
 }
 
 impl RobotChoice {
+    /// Every one.
+    pub const ALL: [Self; 3] = [Self::Op3, Self::Op3Ideal, Self::Ros2];
+
+    /// What it is, in a line.
+    #[must_use]
+    pub const fn about(self) -> &'static str {
+        match self {
+            Self::Op3 => "the small humanoid, simulated in this process with hardware effects",
+            Self::Op3Ideal => "the same without hardware effects, its sensors perfect",
+            Self::Ros2 => "a robot behind ROS 2: another process, or a real one",
+        }
+    }
+
     /// The word used on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -8,8 +8,8 @@ use stridemap_returnmap::{StrideEnd, StrideProcess};
 use crate::algorithm::{Algorithm, NoRecorder};
 use crate::error::{Invalid, LabError};
 use crate::plant::Plant;
-use crate::reward::StateComponent;
 use crate::seed::{Role, stream};
+use crate::state::StateComponent;
 use crate::strides::{ActionSource, Batch, Performance, StridePhase, StrideRole, make_strides};
 use crate::task::Task;
 
@@ -123,7 +123,7 @@ impl Bench<'_> {
 /// Whether [`steer`] can compare on this task: one state `ψ_roll` with a target, one action.
 #[must_use]
 pub fn can_steer(task: &Task) -> bool {
-    task.state == [StateComponent::PsiRollDeg]
+    task.state == [StateComponent::PSI_ROLL_DEG]
         && task.action.len() == 1
         && task.target_deg().is_some()
 }

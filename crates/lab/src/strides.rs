@@ -11,7 +11,7 @@ use stridemap_robot::Side;
 use crate::compare::Spread;
 use crate::error::LabError;
 use crate::fall::Fall;
-use crate::integral::IntegralAction;
+use crate::learner::IntegralAction;
 use crate::measure::StrideMeasures;
 use crate::plant::Plant;
 use crate::return_line::ReturnMapLine;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::reward::{RewardQuantity, RewardTerm};
+use crate::reward::RewardQuantity;
 use crate::strides::Performance;
 use crate::task::Task;
 
@@ -30,10 +30,8 @@ impl Task {
     /// Whether the reward is the speed and nothing else, so that it reads in m/s.
     #[must_use]
     pub fn rewards_speed(&self) -> bool {
-        matches!(
-            self.reward[..],
-            [RewardTerm { quantity: RewardQuantity::SpeedMS, weight, .. }] if (weight - 1.0).abs() < 1e-12
-        )
+        matches!(&self.reward[..], [term] if term.quantity == RewardQuantity::SPEED_M_S
+            && (term.weight - 1.0).abs() < 1e-12)
     }
 
     /// Whether a measured policy, found with these strides and falls on the robot, is a success.

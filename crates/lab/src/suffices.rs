@@ -1,11 +1,9 @@
 //! What a task says of its first fit before the robot moves: whether the strides that it plans can determine
 //! what is fitted to them.
 
-use stridemap_gp::Mean;
-
 use crate::error::{Invalid, LabError};
 use crate::samples::PART;
-use crate::task::{LearnerKind, Task};
+use crate::task::Task;
 
 /// With fewer strides than this a Gaussian process has nothing to say.
 pub(crate) const FEWEST: usize = 3;
@@ -19,21 +17,10 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
     let invalid =
         |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
     let (kind, collect) = (task.learner.kind, &task.collect);
-    let map = task.map_config();
-    let coefficients = map
-        .mean
-        .coefficients(map.dims(task.state.len(), task.action.len()));
-    let (needed, why) = match kind {
-        // One more, so that the strides that are left when one is left out still determine the mean.
-        LearnerKind::ActorCritic | LearnerKind::Search if coefficients >= FEWEST => (
-            coefficients + 1,
-            format!("a map whose mean has {coefficients} coefficients (map.mean)"),
-        ),
-        LearnerKind::ActorCritic | LearnerKind::Search => (FEWEST, "a map".into()),
-        LearnerKind::Linear => (task.action.len() + 2, "a regression on the action".into()),
-        LearnerKind::Constant | LearnerKind::Integral => (1, "a first policy".into()),
-        LearnerKind::BayesOpt | LearnerKind::CmaEs => return Ok(()),
-    };
+    if !kind.explores() {
+        return Ok(());
+    }
+    let (needed, why) = kind.fewest_strides(task);
     let budget = task.algorithm.strides_at_most.unwrap_or(usize::MAX);
     let (planned, key) = match collect.until_error {
         // It explores in parts, and makes none that the budget does not hold.
@@ -54,7 +41,7 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
             return invalid(key.into(), format!("{most} strides in the map: {error}"));
         }
     }
-    let slopes = kind == LearnerKind::Linear || (kind.uses_map() && map.mean == Mean::Linear);
+    let slopes = kind.finds_slopes(task);
     for (i, action) in task.action.iter().enumerate() {
         let explore = &collect.explore;
         let [low, high] = explore.center[i];

@@ -1,7 +1,9 @@
 //! A task: what a TOML file under `experiments/` says.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
-use stridemap_gait::{Gait, OscillatorGait, OscillatorGaitConfig};
+use stridemap_gait::{Gait, GaitConfig};
 use stridemap_learn::{ActorCriticConfig, ConstantPolicy, SavedPolicy};
 use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{ActionDimension, ActionLimits, MapConfig, ProcessSpec, StateDimension};
@@ -9,13 +11,13 @@ use stridemap_robot::{Robot, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::caution::CautionConfig;
-use crate::controls::ControlsConfig;
 use crate::error::{Invalid, LabError};
 use crate::fall::{FailureConfig, RobotFall};
-use crate::feedback::JacobianFeedbackConfig;
-use crate::integral::IntegralConfig;
+use crate::gaits::gaits;
+use crate::learner::{ControlsConfig, IntegralConfig, LearnerKind, SearchSettings};
 use crate::plant::{Plant, PlantAction, PlantTask};
-use crate::reward::{RewardQuantity, RewardTerm, StateComponent};
+use crate::reward::RewardTerm;
+use crate::state::StateComponent;
 use crate::strides::StridePhase;
 use crate::success::SuccessConfig;
 use crate::walk::WalkTimes;
@@ -86,58 +88,6 @@ pub struct CollectConfig {
     pub explore: ExploreConfig,
 }
 
-/// Which learner improves the policy in the map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LearnerKind {
-    /// The paper's actor-critic, in the map.
-    ActorCritic,
-    /// A search in the map over constants, with feedback from the map's Jacobian.
-    Search,
-    /// Control without a map: every component at the bound of the trust region.
-    Constant,
-    /// Control without a map: integral action on `ψ_roll`, then its mean held.
-    Integral,
-    /// Control without a map: the corner of the trust region by regression of the stride's reward.
-    Linear,
-    /// Control without a map: Bayesian optimisation of the speed on the robot.
-    BayesOpt,
-    /// Control without a map: CMA-ES on the robot.
-    CmaEs,
-}
-
-impl LearnerKind {
-    /// Whether it learns in a map of the robot.
-    #[must_use]
-    pub const fn uses_map(self) -> bool {
-        matches!(self, Self::ActorCritic | Self::Search)
-    }
-
-    /// Whether it begins with a batch of exploring strides; the searches on the robot try policies
-    /// from the first stride on.
-    #[must_use]
-    pub const fn explores(self) -> bool {
-        !matches!(self, Self::BayesOpt | Self::CmaEs)
-    }
-}
-
-/// The search in the map.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SearchSettings {
-    /// Generations of the evolution strategy.
-    pub generations: usize,
-    /// Episodes by which a candidate is judged.
-    pub episodes: usize,
-    /// Strides of an episode.
-    pub strides_per_episode: usize,
-    /// First strides of an episode that do not count: the way to the candidate.
-    pub unscored_strides: usize,
-    /// Feedback about the constants found; left out: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub feedback: Option<JacobianFeedbackConfig>,
-}
-
 /// Step 4 of Algorithm 1: the learner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -157,6 +107,9 @@ pub struct LearnerConfig {
     /// Parameters of the controls that search on the robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<ControlsConfig>,
+    /// Parameters of a learner of one's own, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub own: BTreeMap<String, f64>,
     /// Parameters of integral action, for tasks with one action that moves `ψ_roll`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub integral: Option<IntegralConfig>,
@@ -253,7 +206,7 @@ pub struct Task {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<Ros2Config>,
     /// The nominal gait.
-    pub gait: OscillatorGaitConfig,
+    pub gait: GaitConfig,
     /// The Poincaré section.
     pub section: SectionConfig,
     /// Components of the action.
@@ -318,7 +271,7 @@ impl Task {
             );
         }
         self.robot.validate()?;
-        self.gait.validate()?;
+        self.gait()?;
         self.section.validate()?;
         if self.state.is_empty() {
             return invalid("state".into(), "needs at least one component".into());
@@ -340,7 +293,7 @@ impl Task {
             return invalid("reward".into(), "needs at least one [[reward]] term".into());
         }
         for (i, term) in self.reward.iter().enumerate() {
-            let needs_target = term.quantity == RewardQuantity::PsiRollSquaredError;
+            let needs_target = term.quantity.has_target;
             if needs_target != term.target_deg.is_some() {
                 let word = if needs_target {
                     "needs"
@@ -377,7 +330,7 @@ impl Task {
             }
         }
         let (n, m) = (self.state.len(), self.action.len());
-        let actor_critic = self.learner.kind == LearnerKind::ActorCritic;
+        let actor_critic = self.learner.kind == LearnerKind::ACTOR_CRITIC;
         let explore = &self.collect.explore;
         for (key, found, expected, what) in [
             (
@@ -505,103 +458,21 @@ impl Task {
             );
         }
         self.map_config().validate(n, m)?;
-        if actor_critic {
-            self.learner.actor_critic.validate()?;
-        }
         crate::suffices::check(self)
     }
 
     /// The learner has what it needs.
     fn validate_learner(&self) -> Result<(), LabError> {
-        let invalid = |key: &str, requirement: String| {
-            Err(LabError::Invalid(Invalid {
-                key: key.into(),
-                requirement,
-            }))
-        };
         let kind = self.learner.kind;
-        if kind != LearnerKind::ActorCritic && self.caution.is_none() {
-            return invalid(
-                "learner.kind",
-                "this learner needs a [caution] section: the trust region in which it searches"
-                    .into(),
-            );
+        if kind.needs_caution() && self.caution.is_none() {
+            return Err(LabError::Invalid(Invalid {
+                key: "learner.kind".into(),
+                requirement:
+                    "this learner needs a [caution] section: the trust region in which it searches"
+                        .into(),
+            }));
         }
-        match kind {
-            LearnerKind::Search => {
-                let search = self.search()?;
-                if let Some(feedback) = &search.feedback {
-                    let known = |name: &String| self.action.iter().any(|a| a.modulates == *name);
-                    if let Some(name) = feedback.modulates.iter().find(|name| !known(name)) {
-                        return invalid(
-                            "learner.search.feedback.modulates",
-                            format!("{name:?} is not a component of the action"),
-                        );
-                    }
-                    let sees = feedback.sees.iter().flatten();
-                    if let Some(c) = sees.into_iter().find(|c| !self.state.contains(c)) {
-                        return invalid(
-                            "learner.search.feedback.sees",
-                            format!("{:?} is not a component of the state", c.name()),
-                        );
-                    }
-                    if feedback.sees.len() != feedback.modulates.len() {
-                        return invalid(
-                            "learner.search.feedback.sees",
-                            "needs a list for each modulation that is fed back".into(),
-                        );
-                    }
-                    if feedback.limit.len() != feedback.modulates.len()
-                        || feedback.limit.iter().any(|l| !(l.is_finite() && *l > 0.0))
-                    {
-                        return invalid(
-                            "learner.search.feedback.limit",
-                            "needs a positive number for each modulation that is fed back".into(),
-                        );
-                    }
-                }
-                if search.unscored_strides >= search.strides_per_episode
-                    || search.generations == 0
-                    || search.episodes == 0
-                {
-                    return invalid(
-                        "learner.search",
-                        "needs generations, episodes, and unscored_strides < strides_per_episode"
-                            .into(),
-                    );
-                }
-            }
-            LearnerKind::BayesOpt | LearnerKind::CmaEs => {
-                let controls = self.controls()?;
-                if controls.population < 4 {
-                    return invalid("learner.controls.population", "must be at least 4".into());
-                }
-                if controls.first_std_units <= 0.0 || controls.ucb_stds < 0.0 {
-                    return invalid(
-                        "learner.controls",
-                        "needs a positive first_std_units and a ucb_stds that is not negative"
-                            .into(),
-                    );
-                }
-            }
-            LearnerKind::Integral => {
-                let fits = self.learner.integral.is_some_and(|c| {
-                    c.gain_per_deg.is_finite() && c.below_in_place_deg.is_finite()
-                });
-                if !fits
-                    || self.action.len() != 1
-                    || !self.state.contains(&StateComponent::PsiRollDeg)
-                {
-                    return invalid(
-                        "learner.integral",
-                        "is needed by integral action, finite, with one action and psi_roll_deg in the state"
-                            .into(),
-                    );
-                }
-            }
-            LearnerKind::ActorCritic | LearnerKind::Constant | LearnerKind::Linear => {}
-        }
-        Ok(())
+        kind.check(self)
     }
 
     /// Parameters of the search in the map.
@@ -636,9 +507,22 @@ impl Task {
     ///
     /// # Errors
     ///
-    /// [`LabError::Gait`] for a configuration outside its domain.
-    pub fn gait(&self) -> Result<OscillatorGait, LabError> {
-        Ok(OscillatorGait::new(self.gait, self.robot.rest_targets())?)
+    /// [`LabError::Gait`] for a configuration outside its domain; [`LabError::Invalid`] for a kind that is not
+    /// in the registry.
+    pub fn gait(&self) -> Result<Box<dyn Gait>, LabError> {
+        (gaits().find(&self.gait.kind))
+            .ok_or_else(|| {
+                let names: Vec<&str> = gaits().all().iter().map(|g| g.name).collect();
+                LabError::Invalid(Invalid {
+                    key: "gait.kind".into(),
+                    requirement: format!(
+                        "there is no gait {:?} (allowed: {})",
+                        self.gait.kind,
+                        names.join(", ")
+                    ),
+                })
+            })
+            .and_then(|part| (part.build)(self))
     }
 
     /// The components of the action, resolved against the gait's modulations.
@@ -778,7 +662,7 @@ impl Task {
         let components = self.state.iter().enumerate();
         MapConfig {
             invariant: components
-                .filter(|(_, c)| c.is_invariant())
+                .filter(|(_, c)| c.invariant)
                 .map(|(i, _)| i)
                 .collect(),
             ..self.map.clone()
@@ -834,6 +718,6 @@ impl Task {
             section: self.section,
             warm_up_strides: self.collect.warm_up_strides,
         };
-        Plant::new(robot, Box::new(self.gait()?), self.process_spec()?, task)
+        Plant::new(robot, self.gait()?, self.process_spec()?, task)
     }
 }

@@ -53,13 +53,10 @@ fn learned(task: &Task, seed: u64) -> (Summary, usize) {
 /// Every learner stays within the budget, counts every fall and proves what it calls proven.
 #[test]
 fn every_learner_keeps_the_books() {
-    for kind in [
-        LearnerKind::Search,
-        LearnerKind::Constant,
-        LearnerKind::Linear,
-        LearnerKind::BayesOpt,
-        LearnerKind::CmaEs,
-    ] {
+    for kind in LearnerKind::CONTROLS
+        .into_iter()
+        .chain([LearnerKind::SEARCH])
+    {
         let mut task = small("walking");
         task.learner.kind = kind;
         let (summary, falls) = learned(&task, 3);
@@ -84,7 +81,7 @@ fn every_learner_keeps_the_books() {
 /// odometry agrees with the simulator's way, and iterations' policies walk the first part only.
 #[test]
 fn the_small_humanoid_keeps_the_books() {
-    for kind in [LearnerKind::ActorCritic, LearnerKind::Integral] {
+    for kind in [LearnerKind::ACTOR_CRITIC, LearnerKind::INTEGRAL] {
         let loaded = builtin::load("small-walking", &[]).unwrap();
         let mut task = loaded.on(None, 3).unwrap().task;
         task.learner.kind = kind;

@@ -326,8 +326,7 @@ fn film(plant: &mut Plant, task: &Task) -> Option<Arc<Mutex<Recording>>> {
     if task.record.pose_seconds <= 0.0 {
         return None;
     }
-    let ramp = &task.gait.ramp_s;
-    let begin_s = ramp.roll[1].max(ramp.pitch[1]) + SETTLE_S;
+    let begin_s = plant.start_up_s() + SETTLE_S;
     let end_s = begin_s + task.record.pose_seconds;
     let (observer, recording) = PoseRecorder::new(plant.robot(), FRAME_PERIOD_S, begin_s, end_s);
     plant.observe(Some(Box::new(observer)));

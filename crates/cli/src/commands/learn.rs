@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use clap::ValueEnum;
 use serde::Serialize;
 use stridemap_lab::run::{
     FinishedRun, IterationSummary, NoWatcher, RunDirectory, Summary, Watcher, append_event, files,
     has_begun, lock, refuse_occupied,
 };
 use stridemap_lab::{
-    Algorithm, LabError, Performance, Progress, Task, builtin, nominal_gait, task_differences,
+    Algorithm, LabError, LearnerKind, Performance, Progress, Task, builtin, nominal_gait,
+    task_differences,
 };
 
 use super::beside::Doing;
 use super::linked::algorithm;
 use super::{in_network, on_robot, provenance, run_path, say_edited};
-use crate::args::{Common, LearnerName, RobotName};
+use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
@@ -29,7 +29,7 @@ pub fn learn(
     name: &str,
     out: Option<&Path>,
     seeds: Option<u64>,
-    learner: Option<LearnerName>,
+    learner: Option<LearnerKind>,
     common: &Common,
 ) -> Result<(), Failure> {
     let mut sets = common.sets.clone();
@@ -42,9 +42,8 @@ pub fn learn(
     let mut loaded = builtin::load(name, &sets)?;
     let mut words = name.to_owned();
     if let Some(learner) = learner {
-        loaded = loaded.with_learner(learner.into())?;
-        let possible = learner.to_possible_value();
-        words += &possible.map_or_else(String::new, |v| format!(" --learner {}", v.get_name()));
+        loaded = loaded.with_learner(learner)?;
+        words += &format!(" --learner {}", learner.name().replace('_', "-"));
     }
     // What repeats the run, in its record.
     let name = words.as_str();

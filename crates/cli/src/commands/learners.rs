@@ -46,7 +46,7 @@ pub fn compare(
     let mut kinds = vec![own];
     kinds.extend(LearnerKind::CONTROLS.iter().filter(|k| **k != own));
     if task.learner.integral.is_some() {
-        kinds.push(LearnerKind::Integral);
+        kinds.push(LearnerKind::INTEGRAL);
     }
     let jobs: Vec<(LearnerKind, u64)> = parallel::seeds(common.seed, seeds)?
         .into_iter()

@@ -9,6 +9,7 @@ pub mod from_log;
 pub mod learn;
 pub mod learners;
 pub mod linked;
+pub mod list;
 pub mod process;
 pub mod report;
 pub mod reproduce;

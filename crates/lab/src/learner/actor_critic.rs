@@ -1,0 +1,53 @@
+//! The paper's actor-critic, in the map.
+
+use rand_chacha::ChaCha8Rng;
+use stridemap_learn::{ActorCritic, SavedPolicy, TrialSummary};
+
+use super::{Known, LearnerPart};
+use crate::error::LabError;
+use crate::proof::Proof;
+use crate::registry::Part;
+use crate::task::Task;
+
+pub(super) struct InMap;
+
+impl Part for InMap {
+    fn name(&self) -> &'static str {
+        "actor_critic"
+    }
+    fn about(&self) -> &'static str {
+        "the paper's actor-critic, in the map (MA09, sec. 5)"
+    }
+}
+
+impl LearnerPart for InMap {
+    fn needs_caution(&self) -> bool {
+        false
+    }
+
+    fn check(&self, task: &Task) -> Result<(), LabError> {
+        Ok(task.learner.actor_critic.validate()?)
+    }
+
+    fn propose(
+        &self,
+        known: &Known<'_>,
+        rng: &mut ChaCha8Rng,
+        observer: &mut dyn FnMut(&TrialSummary),
+    ) -> Result<SavedPolicy, LabError> {
+        let (settings, policies) = (&known.task.learner, &known.progress.policies);
+        let mut config = settings.actor_critic.clone();
+        let later = known.iteration() > 1;
+        let initial = if known.region.is_some() {
+            if let (true, Some(trials)) = (later, settings.later_trials) {
+                config.trials = trials;
+            }
+            let start = Proof::start(&known.progress.proofs()).filter(|_| later);
+            start.map(|i| &policies[i])
+        } else {
+            policies.last()
+        };
+        let initial = initial.filter(|_| settings.warm_start);
+        known.in_map(&mut ActorCritic { config }, initial, true, rng, observer)
+    }
+}

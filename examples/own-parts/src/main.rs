@@ -1,0 +1,159 @@
+//! A gait, a learner, a reward and a state component of one's own, each registered by name and then named by a
+//! task file (own.toml). Everything else (robot, section, map, guard, proof, budget) is Stridemap's.
+
+use std::error::Error;
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use stridemap_gait::{Gait, GaitError, Modulation, OscillatorGait};
+use stridemap_lab::run::{Measured, Summary};
+use stridemap_lab::{
+    Algorithm, GaitPart, Known, LabError, LearnerPart, NoRecorder, Part, RewardOf, RewardPart, StateComponent,
+    StatePart, builtin, gaits, learners, rewards, states,
+};
+use stridemap_learn::{
+    ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary,
+};
+use stridemap_returnmap::StrideProcess;
+use stridemap_robot::{JointTargets, LegJoint, RobotState, Side};
+
+/// The paper's gait, with the knees some degrees straighter.
+struct StiffKnees {
+    inner: OscillatorGait,
+    straighter_rad: f64,
+}
+
+impl Gait for StiffKnees {
+    fn modulations(&self) -> &[Modulation] {
+        self.inner.modulations()
+    }
+    fn rest(&self) -> JointTargets {
+        self.inner.rest()
+    }
+    fn reset(&mut self) {
+        self.inner.reset();
+    }
+    fn modulate(&mut self, index: usize, value: f64) -> Result<(), GaitError> {
+        self.inner.modulate(index, value)
+    }
+    fn targets(&mut self, state: &RobotState, dt_s: f64) -> JointTargets {
+        let mut targets = self.inner.targets(state, dt_s);
+        for side in Side::BOTH {
+            targets.position_rad[(side, LegJoint::Knee)] += self.straighter_rad;
+            targets.position_rad[(side, LegJoint::HipPitch)] -= 0.5 * self.straighter_rad;
+            targets.position_rad[(side, LegJoint::AnklePitch)] -= 0.5 * self.straighter_rad;
+        }
+        targets
+    }
+    fn start_up_s(&self) -> f64 {
+        self.inner.start_up_s()
+    }
+}
+
+static STIFF_KNEES: GaitPart = GaitPart {
+    name: "stiff_knees",
+    about: "the paper's gait with straighter knees",
+    build: |task| {
+        let knee_deg = task.gait.own.get("knee_deg").copied().unwrap_or(0.0);
+        let rest = task.robot.rest_targets();
+        let inner = OscillatorGait::new(task.gait.clone(), rest)?;
+        Ok(Box::new(StiffKnees { inner, straighter_rad: knee_deg.to_radians() }))
+    },
+};
+
+static PELVIS_HEIGHT: StatePart = StatePart {
+    name: "pelvis_height_m",
+    about: "height of the pelvis at the section, m",
+    invariant: false,
+    of: |at| at.robot.base.position_m[2],
+};
+
+static INSIDE: RewardPart = RewardPart {
+    name: "inside_by_2_deg",
+    about: "-|psi_roll - 2 deg|",
+    has_target: false,
+    of: RewardOf::State(StateComponent::PSI_ROLL_DEG, |psi, _| -(psi - 2.0).abs()),
+};
+
+/// Tries constant actions in the process and keeps the best.
+struct RandomSearch {
+    candidates: usize,
+}
+
+impl Learner for RandomSearch {
+    fn improve(
+        &mut self,
+        process: &mut dyn StrideProcess,
+        _initial: Option<&SavedPolicy>,
+        rng: &mut ChaCha8Rng,
+        _observer: &mut dyn FnMut(&TrialReport<'_>),
+    ) -> Result<LearnOutcome, LearnError> {
+        let spec = process.spec().clone();
+        let (mut best, mut most, mut strides) = (Vec::new(), f64::NEG_INFINITY, 0);
+        for _ in 0..self.candidates {
+            let bounds = spec.action.iter().map(|a| (a.lower, a.upper - a.lower));
+            let action: Vec<f64> = bounds.map(|(l, w)| l + w * rng.random::<f64>()).collect();
+            process.reset(rng)?;
+            let mut sum = 0.0;
+            for _ in 0..24 {
+                let stride = process.stride(&action, rng)?;
+                (sum, strides) = (sum + stride.reward, strides + 1);
+                if stride.end.is_terminal() {
+                    sum = f64::NEG_INFINITY;
+                    break;
+                }
+            }
+            if best.is_empty() || sum > most {
+                (best, most) = (action, sum);
+            }
+        }
+        let policy = SavedPolicy::Constant(ConstantPolicy::new(spec, &best)?);
+        Ok(LearnOutcome { policy, trials: Vec::new(), strides })
+    }
+}
+
+struct Registered;
+
+impl Part for Registered {
+    fn name(&self) -> &'static str {
+        "random_search"
+    }
+    fn about(&self) -> &'static str {
+        "constant actions at random, in the map"
+    }
+}
+
+impl LearnerPart for Registered {
+    fn needs_caution(&self) -> bool {
+        false
+    }
+    fn propose(
+        &self,
+        known: &Known<'_>,
+        rng: &mut ChaCha8Rng,
+        observer: &mut dyn FnMut(&TrialSummary),
+    ) -> Result<SavedPolicy, LabError> {
+        let candidates = known.task.learner.own.get("candidates").map_or(20, |n| *n as usize);
+        known.in_map(&mut RandomSearch { candidates }, None, true, rng, observer)
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    gaits().add(&STIFF_KNEES)?;
+    states().add(&PELVIS_HEIGHT)?;
+    rewards().add(&INSIDE)?;
+    learners().add(&Registered)?;
+    let task = builtin::load(concat!(env!("CARGO_MANIFEST_DIR"), "/own.toml"), &[])?.task;
+    let mut algorithm = Algorithm::new(&task, 1)?;
+    algorithm.learn(&mut NoRecorder)?;
+    let Summary { nominal, final_policy, improved, strides, .. } =
+        Summary::of(&task, 1, &algorithm.progress);
+    let reward = |measured: Option<Measured>| measured.map(|m| m.performance.mean_reward);
+    println!(
+        "nominal {:.4?}, final {:.4?}, improved {improved:?}, {} strides",
+        reward(nominal),
+        reward(final_policy),
+        strides.training
+    );
+    Ok(())
+}
