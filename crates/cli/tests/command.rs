@@ -271,6 +271,32 @@ fn a_nan_in_a_log_is_told_with_line_and_column() {
     );
 }
 
+/// What `list` names, a task file may name.
+#[test]
+fn list_says_what_a_task_may_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let names = |kind: &str| -> Vec<String> {
+        let listed = json(&stridemap(dir.path(), &["list", kind, "--json"]));
+        let parts = listed.as_array().unwrap().iter();
+        assert!(parts.clone().all(|p| !p["about"].as_str().unwrap().is_empty()));
+        parts.map(|p| p["name"].as_str().unwrap().into()).collect()
+    };
+    assert_eq!(names("gaits"), ["oscillator"]);
+    assert_eq!(names("robots"), ["op3", "op3-ideal", "ros2"]);
+    for (kind, key, expected) in [
+        ("learners", "learner.kind=x", "search"),
+        ("rewards", "reward.0.quantity=x", "speed_m_s"),
+        ("states", "state=[\"x\"]", "heading_deg"),
+    ] {
+        let names = names(kind);
+        assert!(names.iter().any(|name| name == expected), "{kind}: {names:?}");
+        let refused = stridemap(dir.path(), &["check", "stepping", "--set", key]);
+        let says = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(names.iter().all(|name| says.contains(name.as_str())), "{says}");
+    }
+}
+
 #[test]
 fn init_writes_a_task_file_that_can_be_learned_from() {
     let dir = tempfile::tempdir().unwrap();

@@ -10,7 +10,11 @@
 //!
 //! Bytes are the same on machines that round alike; the first line of the file says on which kind it was made, and
 //! elsewhere the test says that it compares nothing.
-#![allow(clippy::unwrap_used, reason = "a test of its own")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a test of its own"
+)]
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

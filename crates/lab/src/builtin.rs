@@ -8,7 +8,6 @@ use stridemap_mujoco::{ModelSource, MujocoError};
 use stridemap_robot::{LEG_JOINTS, LegJoint};
 
 use crate::error::{Invalid, LabError};
-use crate::learner::LearnerKind;
 use crate::task::Task;
 
 /// Name and text of every built-in task.
@@ -49,59 +48,6 @@ pub struct LoadedTask {
     pub resolved: String,
     /// The file it was read from, absolute; `None` if it is built in.
     pub file: Option<PathBuf>,
-}
-
-impl LoadedTask {
-    /// The task with another learner.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::Invalid`] if the task lacks what that learner needs; [`LabError::Config`] if the
-    /// task cannot be written down.
-    pub fn with_learner(mut self, kind: LearnerKind) -> Result<Self, LabError> {
-        if !kind.uses_map() && self.task.caution.is_none() {
-            return Err(LabError::Invalid(Invalid {
-                key: "caution".into(),
-                requirement: format!(
-                    "is needed by a learner without a map, whose policies are proven on the robot; task \
-                     {} has none (`compare {0} --controls` sets it beside simple controls)",
-                    self.task.name
-                ),
-            }));
-        }
-        self.task.learner.kind = kind;
-        self.task.validate()?;
-        self.resolved = self.task.to_toml()?;
-        Ok(self)
-    }
-}
-
-/// Where a task was written, for faults that are found once its robot is built; no part of its value.
-#[derive(Clone, Debug, Default)]
-pub struct Written(Option<Arc<Document>>);
-
-impl PartialEq for Written {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
-}
-
-impl Task {
-    /// A fault of the robot's model or of its names at the key at fault, in the file where that was written.
-    #[must_use]
-    pub fn located(&self, error: MujocoError) -> LabError {
-        let Some(document) = &self.written.0 else {
-            return error.into();
-        };
-        let key = error.key();
-        let text = error.to_string();
-        let said = text.strip_prefix(&format!("{key}: ")).unwrap_or(&text);
-        let model = match &error {
-            MujocoError::Load { .. } | MujocoError::NotABiped { .. } => String::new(),
-            _ => format!(" (model {})", self.robot.model),
-        };
-        config(document.located(&format!("robot.{key}"), format!("{said}{model}")))
-    }
 }
 
 /// Loads a built-in task by name, or a task file, with `key=value` overrides.
@@ -274,6 +220,7 @@ fn located(document: &Document, error: LabError) -> LabError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::learner::LearnerKind;
 
     #[test]
     fn every_built_in_task_is_valid_and_its_resolved_text_is_the_same_task() {
@@ -289,19 +236,18 @@ mod tests {
 
     #[test]
     fn another_learner_keeps_everything_else_and_is_written_down() {
-        let loaded = load("walking", &[]).unwrap();
+        let walking = load("walking", &[]).unwrap().task;
         for kind in LearnerKind::CONTROLS {
-            let other = loaded.clone().with_learner(kind).unwrap();
+            let other = load("walking", &[format!("learner.kind={}", kind.name())]).unwrap();
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join("config.toml");
             std::fs::write(&path, &other.resolved).unwrap();
             let mut read = load_file(&path, &[]).unwrap().task;
             assert_eq!(read.learner.kind, kind);
-            read.learner.kind = loaded.task.learner.kind;
-            assert_eq!(read, loaded.task);
+            read.learner.kind = walking.learner.kind;
+            assert_eq!(read, walking);
         }
-        let stepping = load("stepping", &[]).unwrap();
-        let error = stepping.with_learner(LearnerKind::CONTROLS[1]).unwrap_err();
+        let error = load("stepping", &["learner.kind=linear".into()]).unwrap_err();
         assert!(
             error.is_request() && error.to_string().contains("--controls"),
             "{error}"
@@ -309,13 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_named_kind_keeps_the_learner_and_unused_learners_are_not_checked() {
-        let walking = load("walking", &[]).unwrap().task;
-        let constant = load("walking", &["learner.kind=constant".into()]);
-        let mut constant = constant.unwrap().task;
-        assert_eq!(constant.learner.kind, LearnerKind::CONTROLS[0]);
-        constant.learner.kind = walking.learner.kind;
-        assert_eq!(constant, walking);
+    fn unused_learners_are_not_checked() {
         // Another state needs other widths of the actor-critic, where that is the learner.
         let sets = |kind: &str| {
             let state = "state=[\"psi_roll_deg\", \"gait_phase_deg\"]";

@@ -467,9 +467,13 @@ impl Task {
         if kind.needs_caution() && self.caution.is_none() {
             return Err(LabError::Invalid(Invalid {
                 key: "learner.kind".into(),
-                requirement:
-                    "this learner needs a [caution] section: the trust region in which it searches"
-                        .into(),
+                requirement: format!(
+                    "{} searches within a trust region, and its policies are proven on the robot: it needs a [caution] \
+                     section, which task {} has not (`compare {1} --controls` sets the task's learner beside \
+                     simple controls)",
+                    kind.name(),
+                    self.name
+                ),
             }));
         }
         kind.check(self)

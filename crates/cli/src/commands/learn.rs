@@ -32,19 +32,12 @@ pub fn learn(
     learner: Option<LearnerKind>,
     common: &Common,
 ) -> Result<(), Failure> {
-    let mut sets = common.sets.clone();
-    if let Some(possible) = learner.and_then(|learner| learner.to_possible_value()) {
-        sets.push(format!(
-            "learner.kind={}",
-            possible.get_name().replace('-', "_")
-        ));
-    }
-    let mut loaded = builtin::load(name, &sets)?;
-    let mut words = name.to_owned();
+    let (mut sets, mut words) = (common.sets.clone(), name.to_owned());
     if let Some(learner) = learner {
-        loaded = loaded.with_learner(learner)?;
+        sets.push(format!("learner.kind={}", learner.name()));
         words += &format!(" --learner {}", learner.name().replace('_', "-"));
     }
+    let loaded = builtin::load(name, &sets)?;
     // What repeats the run, in its record.
     let name = words.as_str();
     let linked = loaded.task.link.is_some() || common.robot == Some(RobotName::Ros2);
