@@ -278,7 +278,11 @@ fn list_says_what_a_task_may_name() {
     let names = |kind: &str| -> Vec<String> {
         let listed = json(&stridemap(dir.path(), &["list", kind, "--json"]));
         let parts = listed.as_array().unwrap().iter();
-        assert!(parts.clone().all(|p| !p["about"].as_str().unwrap().is_empty()));
+        assert!(
+            parts
+                .clone()
+                .all(|p| !p["about"].as_str().unwrap().is_empty())
+        );
         parts.map(|p| p["name"].as_str().unwrap().into()).collect()
     };
     assert_eq!(names("gaits"), ["oscillator"]);
@@ -289,11 +293,17 @@ fn list_says_what_a_task_may_name() {
         ("states", "state=[\"x\"]", "heading_deg"),
     ] {
         let names = names(kind);
-        assert!(names.iter().any(|name| name == expected), "{kind}: {names:?}");
+        assert!(
+            names.iter().any(|name| name == expected),
+            "{kind}: {names:?}"
+        );
         let refused = stridemap(dir.path(), &["check", "stepping", "--set", key]);
         let says = stderr(&refused);
         assert_eq!(refused.status.code(), Some(2));
-        assert!(names.iter().all(|name| says.contains(name.as_str())), "{says}");
+        assert!(
+            names.iter().all(|name| says.contains(name.as_str())),
+            "{says}"
+        );
     }
 }
 

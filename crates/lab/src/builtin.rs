@@ -50,6 +50,34 @@ pub struct LoadedTask {
     pub file: Option<PathBuf>,
 }
 
+/// Where a task was written, for faults that are found once its robot is built; no part of its value.
+#[derive(Clone, Debug, Default)]
+pub struct Written(Option<Arc<Document>>);
+
+impl PartialEq for Written {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Task {
+    /// A fault of the robot's model or of its names at the key at fault, in the file where that was written.
+    #[must_use]
+    pub fn located(&self, error: MujocoError) -> LabError {
+        let Some(document) = &self.written.0 else {
+            return error.into();
+        };
+        let key = error.key();
+        let text = error.to_string();
+        let said = text.strip_prefix(&format!("{key}: ")).unwrap_or(&text);
+        let model = match &error {
+            MujocoError::Load { .. } | MujocoError::NotABiped { .. } => String::new(),
+            _ => format!(" (model {})", self.robot.model),
+        };
+        config(document.located(&format!("robot.{key}"), format!("{said}{model}")))
+    }
+}
+
 /// Loads a built-in task by name, or a task file, with `key=value` overrides.
 ///
 /// # Errors
