@@ -22,6 +22,7 @@ const GIT_REVISION: Option<&str> = option_env!("STRIDEMAP_GIT_REVISION");
 
 fn main() -> ExitCode {
     commands::process::end_with_parent();
+    stop::outlive_full_files();
     let done = match Cli::try_parse() {
         Ok(cli) => run(cli.command),
         Err(said) => {

@@ -235,10 +235,7 @@ impl RunProgress {
                 "{:.3} m/s, upright {:.0} s, {falls}",
                 walk.speed_m_s, walk.upright_s
             ),
-            None => format!(
-                "reward {:+.4}, psi_roll {:.2} deg, {falls}",
-                p.mean_reward, p.mean_psi_roll_deg
-            ),
+            None => format!("reward {:+.4}, {}, {falls}", p.mean_reward, p.psi_roll()),
         }
     }
 }

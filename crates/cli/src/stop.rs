@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use stridemap_link::send_stop;
 use stridemap_robot::Ros2Config;
@@ -21,6 +21,12 @@ const GRACE: Duration = Duration::from_millis(700);
 
 /// Where the robot behind a link is that is at work.
 static ROBOT: OnceLock<Ros2Config> = OnceLock::new();
+
+/// A write over a limit on the size of files (`ulimit -f`) fails with an error, as on a full disk, instead of ending
+/// the process without a word.
+pub fn outlive_full_files() {
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
+}
 
 /// A flag that Ctrl-C and termination set, the same for the whole process; the second one ends it at once.
 pub fn stop_flag() -> Arc<AtomicBool> {

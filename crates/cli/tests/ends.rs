@@ -151,6 +151,31 @@ fn a_hangup_that_was_ignored_at_the_start_stays_ignored() {
     }
 }
 
+#[test]
+fn a_file_that_may_not_grow_is_an_error_with_its_name_and_the_run_goes_on_later() {
+    let dir = tempfile::tempdir().unwrap();
+    let limited = |kib: &str, words: &str| {
+        let line = format!("ulimit -f {kib}; exec {STRIDEMAP} {words}");
+        let mut shell = Command::new("bash");
+        shell.args(["-c", &line]).current_dir(dir.path());
+        let end = shell.output().unwrap();
+        (
+            end.status.code(),
+            String::from_utf8_lossy(&end.stderr).into_owned(),
+        )
+    };
+    let sets = "--set collect.strides=[20] --set algorithm.iterations=1 --set record.strides=6 \
+                --set record.pose_seconds=0.5";
+    let (code, said) = limited("16", &format!("learn stepping --out run {sets}"));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        said.contains("run/") && said.contains("File too large"),
+        "{said}"
+    );
+    let (code, said) = limited("unlimited", "learn --resume run");
+    assert_eq!(code, Some(0), "{said}");
+}
+
 /// Processes whose parent is this one, and what they were called with.
 fn children(parent: u32) -> Vec<(u32, String)> {
     let of = |entry: std::fs::DirEntry| {

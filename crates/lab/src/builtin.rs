@@ -61,20 +61,13 @@ impl PartialEq for Written {
 }
 
 impl Task {
-    /// A fault of the robot's model or of its names at the key at fault, in the file where that was written.
+    /// A fault that was found after the task was read, at the key at fault in the file where that was written.
     #[must_use]
-    pub fn located(&self, error: MujocoError) -> LabError {
-        let Some(document) = &self.written.0 else {
-            return error.into();
-        };
-        let key = error.key();
-        let text = error.to_string();
-        let said = text.strip_prefix(&format!("{key}: ")).unwrap_or(&text);
-        let model = match &error {
-            MujocoError::Load { .. } | MujocoError::NotABiped { .. } => String::new(),
-            _ => format!(" (model {})", self.robot.model),
-        };
-        config(document.located(&format!("robot.{key}"), format!("{said}{model}")))
+    pub fn located(&self, error: impl Into<LabError>) -> LabError {
+        match &self.written.0 {
+            Some(document) => located(document, &self.robot.model, error.into()),
+            None => error.into(),
+        }
     }
 }
 
@@ -133,7 +126,8 @@ fn finish(document: Document) -> Result<LoadedTask, LabError> {
     {
         *path = absolute;
     }
-    task.validate().map_err(|error| located(&document, error))?;
+    task.validate()
+        .map_err(|error| located(&document, &task.robot.model, error))?;
     let resolved = task.to_toml()?;
     let file = document
         .file()
@@ -172,7 +166,7 @@ fn not_yet(document: &Document) -> Option<(String, String)> {
 }
 
 /// Puts a fault that a room found in its configuration at its place in the file.
-fn located(document: &Document, error: LabError) -> LabError {
+fn located(document: &Document, model: &ModelSource, error: LabError) -> LabError {
     use stridemap_gait::GaitError;
     use stridemap_learn::LearnError;
     use stridemap_returnmap::ProcessError;
@@ -240,7 +234,16 @@ fn located(document: &Document, error: LabError) -> LabError {
             &format!("robot.{field}"),
             format!("{value}: must be {allowed}"),
         ),
-        LabError::Mujoco(error) => at("robot", error.to_string()),
+        LabError::Mujoco(error) => {
+            let key = error.key();
+            let text = error.to_string();
+            let said = text.strip_prefix(&format!("{key}: ")).unwrap_or(&text);
+            let model = match &error {
+                MujocoError::Load { .. } | MujocoError::NotABiped { .. } => String::new(),
+                _ => format!(" (model {model})"),
+            };
+            at(&format!("robot.{key}"), format!("{said}{model}"))
+        }
         other => other,
     }
 }

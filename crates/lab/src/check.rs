@@ -188,7 +188,10 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
         gait.strides
     );
     let both = report.item("sections", both, found);
-    report.refused = gait.refuse(&task.failure).err().map(|e| e.to_string());
+    report.refused = gait
+        .refuse(&task.failure)
+        .err()
+        .map(|e| task.located(e).to_string());
     let found = report.refused.clone().unwrap_or_else(|| {
         format!(
             "the nominal gait stays within the thresholds; a stride of it earns {:.3}, a fall {}",

@@ -137,15 +137,21 @@ pub enum LabError {
     },
     /// What would go on with a run is not what made it.
     #[error(
-        "{path}: going on would mix two runs: {}; undo what was changed, or start a run of its own with \
-         `stridemap learn` and another --out",
-        differences.join("; ")
+        "{path}: going on would mix two runs: {}; undo what was changed, or {}",
+        differences.join("; "),
+        if *begun {
+            "start a run of its own with `stridemap learn` and another --out"
+        } else {
+            "begin anew, since no stride was made yet: `stridemap learn TASK` with the same --out"
+        }
     )]
     Mixed {
         /// The run directory.
         path: PathBuf,
         /// What differs, then and now.
         differences: Vec<String>,
+        /// Whether a stride was made.
+        begun: bool,
     },
     /// A file holds something else than it should.
     #[error("{path}{}: {problem}", line.map(|l| format!(":{l}")).unwrap_or_default())]

@@ -61,7 +61,9 @@ impl Bench<'_> {
             strides,
             falls,
             performance,
-            error_deg: (performance.mean_psi_roll_deg - self.target_deg).abs(),
+            // Without a stride that reached the section it is as wrong as can be.
+            error_deg: (performance.mean_psi_roll_deg)
+                .map_or(f64::INFINITY, |mean| (mean - self.target_deg).abs()),
             true_error_deg: truth.map(|t| (t - self.target_deg).abs()),
         }
     }
@@ -102,10 +104,11 @@ impl Bench<'_> {
                 }
             }
         }
-        let n = kept.max(1) as f64;
         result.mean_reward = sum_reward / result.strides.max(1) as f64;
-        result.mean_psi_roll_deg = sum / n;
-        result.true_mean_psi_roll_deg = true_sum.map(|s| s / n);
+        if kept > 0 {
+            result.mean_psi_roll_deg = Some(sum / kept as f64);
+            result.true_mean_psi_roll_deg = true_sum.map(|s| s / kept as f64);
+        }
         Ok(result)
     }
 

@@ -332,8 +332,8 @@ pub struct Performance {
     /// Standard deviation of the reward over them, with n − 1; `None` for fewer than two.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reward_sd: Option<f64>,
-    /// Mean `ψ_roll` at the section over those that reached one.
-    pub mean_psi_roll_deg: f64,
+    /// Mean `ψ_roll` at the section over those that reached one; `None` if none did.
+    pub mean_psi_roll_deg: Option<f64>,
     /// The same as a simulator knows it, where the robot only estimates it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub true_mean_psi_roll_deg: Option<f64>,
@@ -360,19 +360,15 @@ impl Performance {
     ///
     /// ```
     /// let nothing = stridemap_lab::Performance::of(&[], 0);
-    /// assert_eq!((nothing.strides, nothing.falls), (0, 0));
+    /// assert_eq!((nothing.strides, nothing.mean_psi_roll_deg), (0, None));
     /// ```
     #[must_use]
     pub fn of(transitions: &[Transition], discard: usize) -> Self {
         let counted = |end| transitions.iter().filter(|t| t.end == end).count();
         let kept = transitions.get(discard..).unwrap_or(&[]);
-        let mean = |values: &mut dyn Iterator<Item = f64>| {
-            let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), v| (sum + v, n + 1));
-            if count == 0 {
-                0.0
-            } else {
-                sum / f64::from(count)
-            }
+        let mean = |values: Vec<f64>| {
+            let count = values.len();
+            (count > 0).then(|| values.into_iter().fold(0.0, |sum, v| sum + v) / count as f64)
         };
         let crossed = || kept.iter().filter(|t| t.end == StrideEnd::Crossing);
         let rewards: Vec<f64> = kept.iter().map(|t| t.reward).collect();
@@ -382,23 +378,25 @@ impl Performance {
         } = Spread::of(&rewards);
         let truth: Option<Vec<f64>> = crossed().map(|t| t.true_psi_roll_deg).collect();
         Self {
-            true_mean_psi_roll_deg: truth
-                .filter(|values| !values.is_empty())
-                .map(|values| mean(&mut values.into_iter())),
+            true_mean_psi_roll_deg: truth.and_then(mean),
             strides: kept.len(),
             mean_reward,
             reward_sd,
-            mean_psi_roll_deg: mean(
-                &mut kept
-                    .iter()
-                    .filter(|t| t.end == StrideEnd::Crossing)
-                    .map(|t| t.measures.psi_roll_deg),
-            ),
+            mean_psi_roll_deg: mean(crossed().map(|t| t.measures.psi_roll_deg).collect()),
             falls: counted(StrideEnd::Fell),
             stalls: counted(StrideEnd::NoCrossing),
             walk: None,
             return_map_1: ReturnMapLine::of(transitions, 1),
             return_map_2: ReturnMapLine::of(transitions, 2),
         }
+    }
+
+    /// Mean `ψ_roll` as one reads it.
+    #[must_use]
+    pub fn psi_roll(&self) -> String {
+        self.mean_psi_roll_deg.map_or_else(
+            || "psi_roll unknown: no stride reached the section".into(),
+            |mean| format!("psi_roll {mean:.2} deg"),
+        )
     }
 }

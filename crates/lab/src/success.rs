@@ -49,7 +49,7 @@ impl Task {
     /// use stridemap_lab::{Performance, builtin};
     ///
     /// let task = builtin::load("stepping", &[])?.task;
-    /// let measured = Performance { mean_psi_roll_deg: 2.5, ..Performance::of(&[], 0) };
+    /// let measured = Performance { mean_psi_roll_deg: Some(2.5), ..Performance::of(&[], 0) };
     /// assert_eq!(
     ///     task.shortfalls(&Performance { mean_reward: 0.0, ..measured }, 60, 0),
     ///     ["psi_roll is 0.50 deg from its target of 2, at most 0.12 (psi_roll_within_deg)"]
@@ -69,11 +69,12 @@ impl Task {
             ));
         }
         if let (Some(within), Some(target)) = (s.psi_roll_within_deg, self.target_deg()) {
-            let off = (measured.mean_psi_roll_deg - target).abs();
-            if off.is_nan() || off > within {
-                lacks.push(format!(
+            match measured.mean_psi_roll_deg.map(|mean| (mean - target).abs()) {
+                None => lacks.push(format!("{} (psi_roll_within_deg)", measured.psi_roll())),
+                Some(off) if off.is_nan() || off > within => lacks.push(format!(
                     "psi_roll is {off:.2} deg from its target of {target}, at most {within} (psi_roll_within_deg)"
-                ));
+                )),
+                Some(_) => {}
             }
         }
         match (s.speed_m_s_at_least, measured.walk) {

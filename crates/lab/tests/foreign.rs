@@ -31,7 +31,7 @@ fn a_foreign_robot_passes_the_check_and_learning_improves_it() {
         "{learned:?}"
     );
     assert!(
-        (learned.mean_psi_roll_deg - 2.0).abs() < 0.15,
+        (learned.mean_psi_roll_deg.unwrap() - 2.0).abs() < 0.15,
         "{learned:?}"
     );
 }

@@ -318,12 +318,17 @@ impl LearnedMap {
     ///
     /// [`ProcessError::Map`] if the leave-one-out scores cannot be computed.
     pub fn to_saved(&self, iteration: usize) -> Result<SavedMap, ProcessError> {
-        let names = self.world.spec.state.iter().map(|d| d.name.clone());
-        let names: Vec<String> = names.chain(["reward".into()]).collect();
+        let spec = &self.world.spec;
+        let mut names: Vec<String> = spec.state.iter().map(|d| d.name.clone()).collect();
+        let action: Vec<String> = spec.action.iter().map(|d| d.name.clone()).collect();
+        let last: Vec<String> = action.iter().map(|name| format!("last_{name}")).collect();
+        let mut inputs = Vec::new();
+        self.config.input_row(&names, &action, &last, &mut inputs);
+        names.push("reward".into());
         let all = self.outputs.iter().chain(self.reward.as_deref());
         let mut outputs: Vec<SavedOutput> = all
             .zip(names)
-            .map(|(gp, name)| SavedOutput::of(gp, name))
+            .map(|(gp, name)| SavedOutput::of(gp, name, &inputs))
             .collect::<Result<_, _>>()?;
         // What is shown of an invariant component is its next value, as for the others.
         for &i in &self.config.invariant {

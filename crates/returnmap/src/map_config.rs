@@ -193,24 +193,28 @@ impl MapConfig {
         self.inputs.iter().map(width).sum()
     }
 
-    pub(crate) fn input_row(
+    /// What the map sees, in the order of its input dimensions: of values, or of their names.
+    pub(crate) fn input_row<T: Clone>(
         &self,
-        state: &[f64],
-        action: &[f64],
-        last_action: &[f64],
-        row: &mut Vec<f64>,
+        state: &[T],
+        action: &[T],
+        last_action: &[T],
+        row: &mut Vec<T>,
     ) {
         for input in &self.inputs {
             match input {
                 MapInput::State if self.invariant.is_empty() => row.extend_from_slice(state),
                 MapInput::State => {
                     let seen = state.iter().enumerate();
-                    row.extend(seen.filter(|(i, _)| !self.is_invariant(*i)).map(|(_, x)| x));
+                    let seen = seen.filter(|(i, _)| !self.is_invariant(*i));
+                    row.extend(seen.map(|(_, x)| x.clone()));
                 }
                 MapInput::Action => row.extend_from_slice(action),
                 MapInput::LastAction => match &self.remembered {
                     None => row.extend_from_slice(last_action),
-                    Some(components) => row.extend(components.iter().map(|i| last_action[*i])),
+                    Some(components) => {
+                        row.extend(components.iter().map(|i| last_action[*i].clone()));
+                    }
                 },
             }
         }

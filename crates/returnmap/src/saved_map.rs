@@ -1,7 +1,7 @@
 //! A learned map as a file.
 
 use serde::{Deserialize, Serialize};
-use stridemap_gp::{Card, Gp, GpError};
+use stridemap_gp::{Card, Gp, GpError, Warning};
 
 use crate::map_config::MapConfig;
 use crate::process::ProcessSpec;
@@ -61,7 +61,7 @@ pub struct SavedLeaveOneOut {
 }
 
 impl SavedOutput {
-    pub(crate) fn of(gp: &Gp, name: String) -> Result<Self, GpError> {
+    pub(crate) fn of(gp: &Gp, name: String, inputs: &[String]) -> Result<Self, GpError> {
         let scores = gp.leave_one_out()?;
         let card = gp.card();
         let h = gp.hyperparameters();
@@ -71,7 +71,14 @@ impl SavedOutput {
             length_scales: h.length_scales.clone(),
             signal_variance: h.signal_variance,
             noise_variance: h.noise_variance,
-            warnings: card.warnings.iter().map(ToString::to_string).collect(),
+            warnings: (card.warnings.iter())
+                .map(|warning| match warning {
+                    Warning::ConstantInput { dimension } => {
+                        format!("{} never changes", inputs[*dimension])
+                    }
+                    other => other.to_string(),
+                })
+                .collect(),
             leave_one_out: SavedLeaveOneOut {
                 mean: gp
                     .targets()

@@ -24,11 +24,16 @@ fn turn(x: f64, u: f64) -> f64 {
 /// A robot with one inner component and a heading, mirrored from stride to stride:
 /// `x' = F x + G u`, `h' = −(h + turn(x, u))`. Headings in the data lie within 5 deg of `heading`.
 fn map(heading: f64) -> Result<LearnedMap, ProcessError> {
+    map_of(heading, Mean::Linear, 1.0)
+}
+
+/// The same with another mean, and with actions as much smaller as `actions` says.
+fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, ProcessError> {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let samples: Vec<MapSample> = (0..60)
         .map(|_| {
             let mut draw = || 2.0 * rng.random::<f64>() - 1.0;
-            let (x, u, h) = (draw(), draw(), heading + 5.0 * draw());
+            let (x, u, h) = (draw(), actions * draw(), heading + 5.0 * draw());
             MapSample {
                 state: smallvec![x, h],
                 last_action: smallvec![0.0],
@@ -43,7 +48,7 @@ fn map(heading: f64) -> Result<LearnedMap, ProcessError> {
         invariant: vec![1],
         remembered: None,
         kernel: Kernel::SquaredExponential,
-        mean: Mean::Linear,
+        mean,
         starts: 1,
         min_length_scales: None,
         min_noise_std: None,
@@ -90,6 +95,19 @@ fn a_heading_is_carried_not_learned() {
         assert!((means[0] - (F * 0.3 - G * 0.2)).abs() < 1e-3, "{means:?}");
         assert!((means[1] + h + turn(0.3, -0.2)).abs() < 1e-3, "{means:?}");
         assert!(variances[1] < 1e-4, "{variances:?}");
+    }
+}
+
+/// Zeros of either sign are one value, and what never changes is told by its name, not by its number.
+#[test]
+fn an_input_that_never_changes_is_named() {
+    let saved = map_of(0.0, Mean::Constant, 0.0)
+        .unwrap()
+        .to_saved(1)
+        .unwrap();
+    for output in &saved.outputs[..2] {
+        let warnings = &output.warnings;
+        assert!(warnings.contains(&"u never changes".into()), "{warnings:?}");
     }
 }
 

@@ -154,8 +154,12 @@ pub fn evaluate(
         None => format!("reward {:+.4}, ", p.mean_reward),
     };
     output::line(format!(
-        "{} policy: {reward}psi_roll {:.2} deg, {} falls, {} stalls in {} strides",
-        shown.policy, p.mean_psi_roll_deg, p.falls, p.stalls, p.strides
+        "{} policy: {reward}{}, {} falls, {} stalls in {} strides",
+        shown.policy,
+        p.psi_roll(),
+        p.falls,
+        p.stalls,
+        p.strides
     ));
     show_causes(&shown.causes);
     Ok(())
@@ -170,7 +174,7 @@ struct Walked {
     stalls: usize,
     causes: Vec<Fall>,
     mean_reward: f64,
-    mean_psi_roll_deg: f64,
+    mean_psi_roll_deg: Option<f64>,
     stride_duration_s: f64,
     forward_m: f64,
     left_m: f64,
@@ -262,12 +266,12 @@ pub fn run(
         None => format!("reward {:+.4}", shown.mean_reward),
     };
     output::line(format!(
-        "upright for {:.1} of {seconds} s: {gain}, {} strides of {:.3} s, psi_roll {:.2} deg, {} falls, {} \
+        "upright for {:.1} of {seconds} s: {gain}, {} strides of {:.3} s, {}, {} falls, {} \
          stalls; {:+.2} m forward, {:+.2} m to the left",
         shown.upright_s,
         shown.strides,
         shown.stride_duration_s,
-        shown.mean_psi_roll_deg,
+        performance.psi_roll(),
         shown.falls,
         shown.stalls,
         shown.forward_m,

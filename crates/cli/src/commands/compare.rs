@@ -281,7 +281,7 @@ struct ControlOverSeeds {
     /// The same, as the simulator knows it.
     true_error_deg: Option<Quantiles>,
     /// Signed mean psi_roll of each seed.
-    mean_psi_roll_deg: Vec<f64>,
+    mean_psi_roll_deg: Vec<Option<f64>>,
     falls: usize,
 }
 

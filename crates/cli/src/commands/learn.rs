@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 use stridemap_lab::run::{
-    FinishedRun, IterationSummary, NoWatcher, RunDirectory, Summary, Watcher, append_event, files,
-    has_begun, lock, refuse_occupied,
+    FinishedRun, IterationSummary, NoWatcher, RunDirectory, Summary, Watcher, files, has_begun,
+    lock, refuse_occupied,
 };
 use stridemap_lab::{
     Algorithm, LabError, LearnerKind, Performance, Progress, Task, builtin, nominal_gait,
@@ -161,8 +161,6 @@ fn with_budget(path: &Path, sets: &[String]) -> Result<FinishedRun, Failure> {
             &config,
             builtin::load_file(&config, sets)?.resolved.as_bytes(),
         )?;
-        let raised = serde_json::json!({ BUDGET: run.task.algorithm.falls_at_most });
-        append_event(path, "budget", raised)?;
     }
     Ok(run)
 }
@@ -172,7 +170,8 @@ fn with_budget(path: &Path, sets: &[String]) -> Result<FinishedRun, Failure> {
 pub fn refuse_misfit(task: &Task, seed: u64) -> Result<(), Failure> {
     if task.link.is_none() {
         let gait = nominal_gait(task, seed)?;
-        gait.refuse(&task.failure).map_err(LabError::from)?;
+        gait.refuse(&task.failure)
+            .map_err(|error| task.located(error))?;
     }
     Ok(())
 }
@@ -216,8 +215,13 @@ fn begun(path: &Path, task: &Task, seed: u64) -> Result<Option<FinishedRun>, Fai
         ));
     }
     if !differences.is_empty() {
-        let path = path.into();
-        return Err(LabError::Mixed { path, differences }.into());
+        let (path, begun) = (path.into(), true);
+        return Err(LabError::Mixed {
+            path,
+            differences,
+            begun,
+        }
+        .into());
     }
     run.refuse_others()?;
     Ok(Some(run))
@@ -269,8 +273,10 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
             None => format!("reward {:+.4}", p.mean_reward),
         };
         output::line(format!(
-            "  {name:<8} {gain}   psi_roll {:.2} deg   {} falls in {} strides made to report",
-            p.mean_psi_roll_deg, p.falls, p.strides
+            "  {name:<8} {gain}   {}   {} falls in {} strides made to report",
+            p.psi_roll(),
+            p.falls,
+            p.strides
         ));
     };
     if let Some(nominal) = &summary.nominal {
@@ -476,7 +482,7 @@ fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
             .is_some_and(|f| task.is_success(&f.performance, strides(s), falls(s)))
     };
     let rewards: Vec<f64> = finals.iter().map(|p| p.mean_reward).collect();
-    let psis: Vec<f64> = finals.iter().map(|p| p.mean_psi_roll_deg).collect();
+    let psis: Vec<f64> = finals.iter().filter_map(|p| p.mean_psi_roll_deg).collect();
     let speeds: Vec<f64> = finals
         .iter()
         .filter_map(|p| Some(p.walk?.speed_m_s))

@@ -230,6 +230,7 @@ impl RunDirectory {
             serde_json::json!({
                 "strides": self.transitions.rows(),
                 "of_an_unfinished_batch": self.unfinished.len(),
+                "falls_at_most": self.task.algorithm.falls_at_most,
             }),
         )
     }

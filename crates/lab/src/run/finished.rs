@@ -10,6 +10,7 @@ use crate::algorithm::{Iteration, Phase, Progress, Seconds};
 use crate::error::LabError;
 use crate::fall::RobotFall;
 use crate::provenance::Provenance;
+use crate::run::beginning::has_begun;
 use crate::run::files::{read_json, read_text};
 use crate::run::table::TransitionTable;
 use crate::strides::{Performance, Transition};
@@ -211,6 +212,7 @@ impl FinishedRun {
         match self.differences()? {
             same if same.is_empty() => Ok(()),
             differences => Err(LabError::Mixed {
+                begun: has_begun(&self.path)?,
                 path: self.path.clone(),
                 differences,
             }),

@@ -150,7 +150,7 @@ impl Summary {
                     falls_so_far,
                     log_marginal_likelihood: i.log_marginal_likelihood.clone(),
                     mean_reward: i.record.map(|p| p.mean_reward),
-                    mean_psi_roll_deg: i.record.map(|p| p.mean_psi_roll_deg),
+                    mean_psi_roll_deg: i.record.and_then(|p| p.mean_psi_roll_deg),
                     success: i
                         .record
                         .is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),

@@ -61,7 +61,7 @@ pub fn stepping(
         rows.push(row(
             "Fig. 14: the same, final policy (72 strides)",
             "-",
-            mean(&|s| Some(s.final_policy?.performance.mean_psi_roll_deg)),
+            mean(&|s| s.final_policy?.performance.mean_psi_roll_deg),
             &command,
         ));
         rows.push(row(
