@@ -128,7 +128,7 @@ impl Progress {
     }
 }
 
-/// Who is told what happens, as it happens: writes files, shows progress.
+/// Observes a run as it happens: writes files, shows progress.
 pub trait Recorder {
     /// A stride was made on the robot. `what` names the measured policy of a record stride
     /// (`"nominal"`, `"iteration-1"`, `"final"`).

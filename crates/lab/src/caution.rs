@@ -9,7 +9,7 @@ use crate::pessimism::PessimismConfig;
 use crate::proof::ProofConfig;
 use crate::trust::TrustConfig;
 
-/// Guard, pessimism, trust region and proof, each with its strengths.
+/// Guard, pessimism, trust region and proof, each with its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CautionConfig {
@@ -24,7 +24,7 @@ pub struct CautionConfig {
 }
 
 impl CautionConfig {
-    /// Checks every strength for a task of this many components of the action.
+    /// Checks every parameter for a task of this many components of the action.
     ///
     /// # Errors
     ///

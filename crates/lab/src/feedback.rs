@@ -3,10 +3,10 @@
 //! About the map's own steady state under constant actions,
 //!
 //! ```text
-//! x(k+1) = F x(k) + G u(k) + H u(k−1) + n(k),    u(k) = (1 − γ) u(k−1) + γ K x(k)
+//! x(k+1) = F x(k) + G u(k) + H u(k−1) + n(k),    u(k) = (1 − κ) u(k−1) + κ K x(k)
 //! ```
 //!
-//! in deviations, with γ the gains of the action law. The policy sees x(k) and not u(k−1), so that K is
+//! in deviations, with κ the gains of the action law. The policy sees x(k) and not u(k−1), so that K is
 //! a static output feedback, for which there is no Riccati equation: its numbers are searched for
 //! least cost
 //!
@@ -21,7 +21,7 @@
 //! var(x_i(k+1)) = [A Σ Aᵀ]_ii + var(n_i) + tr(C_i E[z zᵀ])
 //! ```
 //!
-//! which is how cautious control \[Åström & Wittenmark 1995, sec. 7.5\] charges for doubt: a slope of
+//! which is how cautious control \[Åström & Wittenmark 1995, sec. 7.5\] charges for what is not known: a slope of
 //! which the map knows little is not leant on.
 
 use nalgebra::{DMatrix, DVector};
@@ -55,7 +55,7 @@ pub struct FedBack {
     pub component: usize,
     /// What counts as one unit of it.
     pub unit: f64,
-    /// γ: its gain in the action law.
+    /// κ: its gain in the action law.
     pub law_gain: f64,
     /// Largest correction, in its unit.
     pub limit: f64,
@@ -75,7 +75,7 @@ pub struct StrideModel {
     /// H, n by m.
     pub of_last_action: DMatrix<f64>,
     /// C: covariance of the row of slopes (F, G, H) of each component, n times (n + 2m) squared.
-    pub doubt: Vec<DMatrix<f64>>,
+    pub slope_covariance: Vec<DMatrix<f64>>,
     /// Variances of n, at least those of a twentieth of the data's spread: a simulator has next to
     /// none, and a model of it is not that good.
     pub noise: DVector<f64>,
@@ -191,7 +191,7 @@ pub fn stride_model(
             d,
         ));
     }
-    let (slopes, doubt) = map.slopes(&moves)?;
+    let (slopes, slope_covariance) = map.slopes(&moves)?;
     let noise = map.outputs().iter().enumerate().map(|(i, gp)| {
         let least = (LEAST_NOISE * spread(i)).powi(2);
         gp.hyperparameters().noise_variance.max(least)
@@ -201,7 +201,7 @@ pub fn stride_model(
         of_state: slopes.columns(0, n).into_owned(),
         of_action: slopes.columns(n, m).into_owned(),
         of_last_action: slopes.columns(n + m, m).into_owned(),
-        doubt,
+        slope_covariance,
         noise: DVector::from_iterator(n, noise),
         spread: DVector::from_iterator(n, (0..n).map(spread)),
     })
@@ -212,7 +212,7 @@ impl StrideModel {
     ///
     /// # Arguments
     ///
-    /// - `law_gain` – γ of each component that is fed back.
+    /// - `law_gain` – κ of each component that is fed back.
     /// - `action_cost` – R over its unit squared, of each.
     ///
     /// # Cost
@@ -248,7 +248,7 @@ impl StrideModel {
             let of_z = &to_z * &covariance * to_z.transpose();
             covariance = &a * &covariance * a.transpose();
             for i in 0..n {
-                covariance[(i, i)] += self.noise[i] + self.doubt[i].dot(&of_z);
+                covariance[(i, i)] += self.noise[i] + self.slope_covariance[i].dot(&of_z);
                 total += covariance[(i, i)] / self.noise[i];
             }
             total += (0..m)
@@ -338,15 +338,15 @@ mod tests {
     use super::*;
     use nalgebra::dmatrix;
 
-    fn scalar(doubt: f64) -> StrideModel {
+    fn scalar(slope_covariance: f64) -> StrideModel {
         let mut of_slopes = DMatrix::zeros(3, 3);
-        of_slopes[(1, 1)] = doubt;
+        of_slopes[(1, 1)] = slope_covariance;
         StrideModel {
             state: [0.0].into_iter().collect(),
             of_state: dmatrix![-0.9],
             of_action: dmatrix![0.5],
             of_last_action: dmatrix![0.0],
-            doubt: vec![of_slopes],
+            slope_covariance: vec![of_slopes],
             noise: nalgebra::dvector![0.04],
             spread: nalgebra::dvector![1.0],
         }

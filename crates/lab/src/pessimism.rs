@@ -50,7 +50,7 @@ pub struct CautiousWorld {
     pub pitch_rate: Option<usize>,
 }
 
-/// A learned map that charges for doubt, for a low `ψ_roll` and for alternation.
+/// A learned map that charges for what it does not know, for a low `ψ_roll` and for alternation.
 pub struct CautiousMap<'a> {
     map: &'a LearnedMap,
     config: PessimismConfig,

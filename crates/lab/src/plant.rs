@@ -127,7 +127,7 @@ pub trait TickObserver: Send {
     );
 }
 
-/// Who is told what the policy asked for and where the sections were: a log.
+/// Observes what the policy asked for and where the sections were: a log.
 pub trait StrideObserver: Send {
     /// A stride begins with this action, as it was asked for.
     fn action(&mut self, action: &[f64]);

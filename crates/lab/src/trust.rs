@@ -9,7 +9,7 @@ use stridemap_returnmap::ActionLimits;
 
 use crate::proof::{Proof, Verdict};
 
-/// Strengths of the trust region.
+/// Parameters of the trust region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrustConfig {

@@ -464,7 +464,7 @@ fn a_run_has_time_lapses_of_exploration_and_of_every_policy() {
     assert!(!run.join("poses/iteration-2.json").exists());
 }
 
-/// Where learning cannot help, because the action can do next to nothing, the nominal gait is final, and told so.
+/// Where learning cannot help, because the action can do next to nothing, the nominal gait is final, and said to be.
 #[test]
 fn where_nothing_beats_the_nominal_gait_it_is_the_final_policy() {
     let dir = tempfile::tempdir().unwrap();

@@ -13,12 +13,12 @@
 //! configured network interface is heard or spoken to: loopback, unless another is named.
 
 mod assemble;
-mod ear;
 mod error;
 mod faults;
 mod guard;
 mod interface;
 mod journal;
+mod listener;
 mod log;
 mod mcap_file;
 mod messages;
@@ -34,19 +34,19 @@ mod trajectory;
 mod watch;
 mod wiring;
 
-pub use ear::StatusEar;
 pub use error::LinkError;
 pub use faults::{FAULT_DOMAINS, FaultRow, fault_table};
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
 pub use interface::check_network;
 pub use journal::{Journal, LoggedMachine, SharedJournal};
+pub use listener::StatusListener;
 pub use log::{LogReport, LoggedAction, LoggedEpisode, read_log};
 pub use messages::{
     Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
 };
-pub use network::{BadNetwork, Weather};
+pub use network::{BadNetwork, NetworkConditions};
 pub use node::Topics;
-pub use remote::{LinkCounts, Operator, RemoteMachine, Yes};
+pub use remote::{AlwaysConfirms, LinkCounts, Operator, RemoteMachine};
 pub use replay::{Repeated, ReplayMachine};
 pub use server::{Serve, ServerReport, Status, serve};
 pub use stop::send_stop;

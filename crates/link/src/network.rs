@@ -17,7 +17,7 @@ use crate::node::{LinkNode, NAP, Topics, drain};
 
 /// What the network does to messages, in both directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Weather {
+pub struct NetworkConditions {
     /// Nothing passes.
     pub cut: bool,
     /// Every message is late by this.
@@ -31,9 +31,9 @@ pub struct Weather {
 }
 
 /// Carries everything that a robot and a controller say to one another, from the robot's domain to the
-/// controller's and back, through the [`Weather`] of the moment.
+/// controller's and back, through the [`NetworkConditions`] of the moment.
 pub struct BadNetwork {
-    weather: Arc<Mutex<Weather>>,
+    conditions: Arc<Mutex<NetworkConditions>>,
     stop: Arc<AtomicBool>,
     carrier: Option<JoinHandle<()>>,
 }
@@ -48,7 +48,7 @@ struct Pipe<M: RosMessage> {
 }
 
 trait Carry: Send {
-    fn carry(&mut self, weather: &Weather);
+    fn carry(&mut self, conditions: &NetworkConditions);
 }
 
 impl<M: RosMessage> Pipe<M> {
@@ -66,9 +66,9 @@ impl<M: RosMessage> Pipe<M> {
         }))
     }
 
-    fn send(&mut self, message: M, weather: &Weather) {
-        let at = Instant::now() + Duration::from_secs_f64(weather.delay_s);
-        if weather.twice {
+    fn send(&mut self, message: M, conditions: &NetworkConditions) {
+        let at = Instant::now() + Duration::from_secs_f64(conditions.delay_s);
+        if conditions.twice {
             self.under_way.push_back((at, message.clone()));
         }
         self.under_way.push_back((at, message));
@@ -76,23 +76,23 @@ impl<M: RosMessage> Pipe<M> {
 }
 
 impl<M: RosMessage> Carry for Pipe<M> {
-    fn carry(&mut self, weather: &Weather) {
+    fn carry(&mut self, conditions: &NetworkConditions) {
         let one_of = |n: Option<u64>, k: u64| n.is_some_and(|n| k.is_multiple_of(n.max(2)));
         for (message, _) in drain(&self.from, &mut 0) {
             self.taken += 1;
-            if weather.cut || one_of(weather.lose_one_of, self.taken) {
+            if conditions.cut || one_of(conditions.lose_one_of, self.taken) {
                 continue;
             }
-            if one_of(weather.overtake_one_of, self.taken) {
+            if one_of(conditions.overtake_one_of, self.taken) {
                 self.overtaken = Some(message);
                 continue;
             }
-            self.send(message, weather);
+            self.send(message, conditions);
             if let Some(late) = self.overtaken.take() {
-                self.send(late, weather);
+                self.send(late, conditions);
             }
         }
-        if weather.cut {
+        if conditions.cut {
             self.under_way.clear();
         }
         while self
@@ -130,34 +130,34 @@ impl BadNetwork {
             Pipe::<Text>::open(c, r, Topics::STOP)?,
             Pipe::<Text>::open(c, r, Topics::REARM)?,
         ];
-        let weather = Arc::new(Mutex::new(Weather::default()));
+        let conditions = Arc::new(Mutex::new(NetworkConditions::default()));
         let stop = Arc::new(AtomicBool::new(false));
-        let (sky, until) = (Arc::clone(&weather), Arc::clone(&stop));
+        let (sky, until) = (Arc::clone(&conditions), Arc::clone(&stop));
         let carrier = std::thread::Builder::new()
             .name("bad-network".into())
             .spawn(move || {
                 // The nodes live as long as their pipes.
                 let _nodes = (there, here);
                 while !until.load(Ordering::Relaxed) {
-                    let weather = sky.lock().map(|w| *w).unwrap_or_default();
+                    let conditions = sky.lock().map(|w| *w).unwrap_or_default();
                     for pipe in &mut pipes {
-                        pipe.carry(&weather);
+                        pipe.carry(&conditions);
                     }
                     std::thread::sleep(NAP);
                 }
             })
             .map_err(|e| LinkError::Network(format!("a network cannot be made: {e}")))?;
         Ok(Self {
-            weather,
+            conditions,
             stop,
             carrier: Some(carrier),
         })
     }
 
-    /// Changes the weather.
-    pub fn set(&self, weather: Weather) {
-        if let Ok(mut now) = self.weather.lock() {
-            *now = weather;
+    /// Changes the conditions.
+    pub fn set(&self, conditions: NetworkConditions) {
+        if let Ok(mut now) = self.conditions.lock() {
+            *now = conditions;
         }
     }
 }

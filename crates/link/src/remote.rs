@@ -36,9 +36,9 @@ pub trait Operator: Send {
 
 /// An operator who always agrees: for robots that set themselves up, and for scripts.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Yes;
+pub struct AlwaysConfirms;
 
-impl Operator for Yes {
+impl Operator for AlwaysConfirms {
     fn set_up(&mut self, _why: &str) -> bool {
         true
     }

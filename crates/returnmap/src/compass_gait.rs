@@ -66,7 +66,7 @@ impl Default for CompassGaitParameters {
 ///
 /// The section is just after a foot strike. Leg angles are from the vertical, positive when the leg
 /// leans forward over its foot; the state is the stance angle `q₁` and both rates, since both feet on
-/// the slope γ make `q₁ + q₂ = 2 γ`. The action is a torque between the legs, held over the stride.
+/// the slope ι make `q₁ + q₂ = 2 ι`. The action is a torque between the legs, held over the stride.
 ///
 /// ```text
 /// swing:   M(q) q̈ + h(q, q̇) = (−τ, τ)                     conserves energy for τ = 0

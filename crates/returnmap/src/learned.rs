@@ -296,7 +296,7 @@ impl LearnedMap {
             quotient[(d, 2 * d + 1)] = -0.5 / half;
         }
         let mut slopes = DMatrix::zeros(self.outputs.len(), count);
-        let mut doubt = Vec::with_capacity(self.outputs.len());
+        let mut covariances = Vec::with_capacity(self.outputs.len());
         for (i, gp) in self.outputs.iter().enumerate() {
             let joint = gp.predict_joint(points)?;
             let next = moves
@@ -307,9 +307,9 @@ impl LearnedMap {
             let values = DVector::from_iterator(2 * count, next);
             slopes.set_row(i, &(&quotient * values).transpose());
             let covariance = DMatrix::from_row_slice(2 * count, 2 * count, &joint.covariance);
-            doubt.push(&quotient * covariance * quotient.transpose());
+            covariances.push(&quotient * covariance * quotient.transpose());
         }
-        Ok((slopes, doubt))
+        Ok((slopes, covariances))
     }
 
     /// What is kept of the map in a file.

@@ -54,10 +54,10 @@ impl Default for RimlessWheelParameters {
 ///
 /// The section is just after a spoke has struck the ground; the state is the speed Ω there. The
 /// action is the work of a push-off along the stride, per mass, so that it may walk on the level.
-/// With half angle α, slope γ, inertia ratio j, push-off w:
+/// With half angle α, slope ι, inertia ratio j, push-off w:
 ///
 /// ```text
-/// swing:   Ω₋² = Ω² + (2 g/ℓ · (cos(γ − α) − cos(γ + α)) + 2 w/ℓ²) / (1 + j)    energy
+/// swing:   Ω₋² = Ω² + (2 g/ℓ · (cos(ι − α) − cos(ι + α)) + 2 w/ℓ²) / (1 + j)    energy
 /// strike:  Ω′ = η Ω₋,   η = (cos 2α + j) / (1 + j)              angular momentum about the new foot
 /// ```
 ///
@@ -71,7 +71,7 @@ impl Default for RimlessWheelParameters {
 /// # use stridemap_returnmap::*;
 /// let wheel = RimlessWheel::new(RimlessWheelParameters::default())?;
 /// let found = fixed_point(&wheel, &|_| Action::from_slice(&[0.0]), &[1.5], &[1e-4])?;
-/// // α = π/8: η = cos(π/4), so η² = 1/2 and Ω*² = c = 4 g/ℓ sin α sin γ.
+/// // α = π/8: η = cos(π/4), so η² = 1/2 and Ω*² = c = 4 g/ℓ sin α sin ι.
 /// let c = 4.0 * 9.81 * f64::sin(std::f64::consts::PI / 8.0) * f64::sin(0.08);
 /// assert!((found.state[0] - c.sqrt()).abs() < 1e-9);
 /// assert!((found.multipliers[0].re - 0.5).abs() < 1e-7);
@@ -304,13 +304,13 @@ mod tests {
         }
     }
 
-    /// The swing, integrated: θ̈ = (g/ℓ) sin θ / (1 + j) from γ − α to γ + α.
+    /// The swing, integrated: θ̈ = (g/ℓ) sin θ / (1 + j) from ι − α to ι + α.
     #[test]
     fn the_swing_agrees_with_its_equation_of_motion() {
         let wheel = wheel(|p| (p.inertia_ratio, p.half_angle_rad) = (0.3, 0.3));
-        let (alpha, gamma, speed) = (0.3, 0.08, 1.3);
-        let (mut theta, mut rate, dt) = (gamma - alpha, speed, 1e-6);
-        while theta < gamma + alpha {
+        let (alpha, incline, speed) = (0.3, 0.08, 1.3);
+        let (mut theta, mut rate, dt) = (incline - alpha, speed, 1e-6);
+        while theta < incline + alpha {
             let middle = theta + 0.5 * dt * rate;
             rate += dt * 9.81 * f64::sin(middle) / 1.3;
             theta = middle + 0.5 * dt * rate;

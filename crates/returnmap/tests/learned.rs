@@ -125,7 +125,7 @@ fn strides_carry_the_heading() {
 /// Slopes of a linear law are its coefficients, with −1 of a heading on itself; the map is sure of them
 /// where it has data, and not sure of the slopes of a map that has seen the action do nothing.
 #[test]
-fn slopes_are_those_of_the_law_and_come_with_their_doubt() {
+fn slopes_are_those_of_the_law_and_come_with_their_covariance() {
     let at = |x: f64, h: f64, u: f64| MapPoint {
         state: smallvec![x, h],
         action: vec![u],
@@ -137,14 +137,14 @@ fn slopes_are_those_of_the_law_and_come_with_their_doubt() {
         (at(0.0, half, 0.0), at(0.0, -half, 0.0), half),
         (at(0.0, 0.0, half), at(0.0, 0.0, -half), half),
     ];
-    let (slopes, doubt) = map(0.0).unwrap().slopes(&moves).unwrap();
+    let (slopes, covariances) = map(0.0).unwrap().slopes(&moves).unwrap();
     let expected = [[F, 0.0, G], [-TURN_OF_STATE, -1.0, -TURN_OF_ACTION]];
     for (i, row) in expected.iter().enumerate() {
         for (j, slope) in row.iter().enumerate() {
             assert!((slopes[(i, j)] - slope).abs() < 1e-2, "{slopes}");
-            assert!(doubt[i][(j, j)] < 1e-3, "{}", doubt[i]);
+            assert!(covariances[i][(j, j)] < 1e-3, "{}", covariances[i]);
         }
-        // Nothing depends on a heading, and the map knows it: there is nothing to doubt.
-        assert!(doubt[i][(1, 1)].abs() < 1e-12);
+        // Nothing depends on a heading, and the map knows it: there is nothing to learn.
+        assert!(covariances[i][(1, 1)].abs() < 1e-12);
     }
 }

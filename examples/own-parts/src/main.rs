@@ -138,22 +138,22 @@ impl LearnerPart for Registered {
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+/// Registers the parts and learns a task file that names them.
+pub fn learn(task: &str) -> Result<Summary, Box<dyn Error>> {
     gaits().add(&STIFF_KNEES)?;
     states().add(&PELVIS_HEIGHT)?;
     rewards().add(&INSIDE)?;
     learners().add(&Registered)?;
-    let task = builtin::load(concat!(env!("CARGO_MANIFEST_DIR"), "/own.toml"), &[])?.task;
+    let task = builtin::load(task, &[])?.task;
     let mut algorithm = Algorithm::new(&task, 1)?;
     algorithm.learn(&mut NoRecorder)?;
-    let Summary { nominal, final_policy, improved, strides, .. } =
-        Summary::of(&task, 1, &algorithm.progress);
+    Ok(Summary::of(&task, 1, &algorithm.progress))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let summary = learn(concat!(env!("CARGO_MANIFEST_DIR"), "/own.toml"))?;
     let reward = |measured: Option<Measured>| measured.map(|m| m.performance.mean_reward);
-    println!(
-        "nominal {:.4?}, final {:.4?}, improved {improved:?}, {} strides",
-        reward(nominal),
-        reward(final_policy),
-        strides.training
-    );
+    let (nominal, last) = (reward(summary.nominal), reward(summary.final_policy));
+    println!("nominal {nominal:.4?}, final {last:.4?}, {} strides", summary.strides.training);
     Ok(())
 }

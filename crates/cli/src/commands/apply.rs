@@ -15,7 +15,7 @@ use stridemap_lab::{
 use stridemap_learn::SavedPolicy;
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 
-use super::beside::Doing;
+use super::beside::Purpose;
 use super::linked::{beside_run, plant};
 use super::{on_robot, say_differences};
 use crate::args::Common;
@@ -94,7 +94,7 @@ pub fn evaluate(
     common: &Common,
 ) -> Result<(), Failure> {
     let (task, policy, falls) = task_and_policy(path, nominal, common)?;
-    let doing = Doing::apply(format!("make {strides} strides to measure a policy"), falls);
+    let doing = Purpose::apply(format!("make {strides} strides to measure a policy"), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let batch = Batch {
@@ -198,7 +198,7 @@ pub fn run(
         }
         (None, None) => return Err(Failure::request("run needs a RUN or --nominal TASK")),
     };
-    let doing = Doing::apply(format!("step or walk for {seconds} s"), falls);
+    let doing = Purpose::apply(format!("step or walk for {seconds} s"), falls);
     let beside = beside_run(&task, path)?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let mut rng = stream(common.seed, Role::Run, 0);
@@ -367,7 +367,7 @@ pub fn push(
     let own = common.sets.is_empty() && common.robot.is_none();
     let into_run = (out.is_none() && own).then_some(path);
     let _writing = into_run.map(lock).transpose()?;
-    let doing = Doing::apply(format!("be pushed in {} strides", config.strides), falls);
+    let doing = Purpose::apply(format!("be pushed in {} strides", config.strides), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let config = of(plant.robot().description().mass_kg);

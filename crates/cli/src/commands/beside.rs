@@ -20,7 +20,7 @@ use crate::output;
 
 /// What a command is about to make a robot do.
 #[derive(Clone, Debug)]
-pub enum Doing {
+pub enum Purpose {
     /// A whole run of the task.
     Learn,
     /// One batch of it.
@@ -29,7 +29,7 @@ pub enum Doing {
     Apply { what: String, falls: String },
 }
 
-impl Doing {
+impl Purpose {
     /// A policy of a run, which fell so often when it was last measured.
     pub fn apply(what: impl Into<String>, falls_in: Option<(usize, usize)>) -> Self {
         Self::Apply {
@@ -244,12 +244,12 @@ fn largest_joint_rate_rad_s(task: &Task) -> Option<f64> {
 }
 
 /// What a command will do to a robot, in a sentence: strides, largest joint rate, expected falls.
-pub fn plan(task: &Task, doing: &Doing) -> String {
+pub fn plan(task: &Task, purpose: &Purpose) -> String {
     let counts = &task.collect.strides;
     let batch = |i: usize| counts.get(i).or(counts.last()).copied().unwrap_or(0);
     let iterations = task.algorithm.iterations;
-    let (what, falls) = match doing {
-        Doing::Learn => {
+    let (what, falls) = match purpose {
+        Purpose::Learn => {
             let evaluated = iterations * task.algorithm.evaluation_strides;
             let training = (0..iterations).map(batch).sum::<usize>() + evaluated;
             let measures = 2 + iterations;
@@ -269,11 +269,11 @@ pub fn plan(task: &Task, doing: &Doing) -> String {
                 ),
             )
         }
-        Doing::Collect => (
+        Purpose::Collect => (
             format!("make a batch of strides ({} in the first)", batch(0)),
             format!("at most {} falls are expected", task.success.falls_at_most),
         ),
-        Doing::Apply { what, falls } => (what.clone(), falls.clone()),
+        Purpose::Apply { what, falls } => (what.clone(), falls.clone()),
     };
     let bounds: Vec<String> = task
         .action

@@ -6,7 +6,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
-use stridemap_link::{FAULT_DOMAINS, FaultRow, Status, StatusEar, fault_table};
+use stridemap_link::{FAULT_DOMAINS, FaultRow, Status, StatusListener, fault_table};
 use stridemap_robot::Ros2Config;
 
 use super::process::Process;
@@ -26,12 +26,12 @@ fn working(what: impl std::fmt::Display) -> Failure {
     Failure::working(what.to_string())
 }
 
-/// A robot and a controller, each a process, and an ear on the robot.
+/// A robot and a controller, each a process, and an listener on the robot.
 struct Pair {
     domain: u16,
     robot: Process,
     controller: Process,
-    ear: StatusEar,
+    listener: StatusListener,
     run: PathBuf,
     dir: PathBuf,
 }
@@ -51,7 +51,7 @@ impl Pair {
     /// Starts both; returns when some strides are made.
     fn start(domain: u16, dir: &Path) -> Result<Self, Failure> {
         let run = dir.join(format!("run-{domain}"));
-        let ear = StatusEar::open(&Ros2Config {
+        let listener = StatusListener::open(&Ros2Config {
             domain,
             ..Ros2Config::default()
         })?;
@@ -66,7 +66,7 @@ impl Pair {
             domain,
             robot,
             controller,
-            ear,
+            listener,
             run,
             dir: dir.into(),
         };
@@ -116,8 +116,8 @@ impl Pair {
     /// When the robot held and when it gave way, by its own silence.
     fn reaction(&self, since: Instant) -> (Option<f64>, Option<f64>) {
         let damps = |s: &Status| s.act == "damp";
-        self.ear.wait(since, Duration::from_secs(5), damps);
-        let heard = self.ear.since(since);
+        self.listener.wait(since, Duration::from_secs(5), damps);
+        let heard = self.listener.since(since);
         let at = |act: &str| {
             let mut doing = heard.iter().filter(|s| s.act == act);
             doing.find_map(|s| s.silence_s)

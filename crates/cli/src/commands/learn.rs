@@ -14,7 +14,7 @@ use stridemap_lab::{
     task_differences,
 };
 
-use super::beside::Doing;
+use super::beside::Purpose;
 use super::linked::algorithm;
 use super::{in_network, on_robot, provenance, run_path, say_edited};
 use crate::args::{Common, RobotName};
@@ -77,7 +77,7 @@ pub fn start(
         common.seed,
         Progress::default(),
         common,
-        &Doing::Learn,
+        &Purpose::Learn,
         Some(path),
     )?;
     finish(&mut algorithm, &mut directory)
@@ -193,7 +193,7 @@ pub fn go_on(
         run.provenance.seed,
         progress,
         common,
-        &Doing::Learn,
+        &Purpose::Learn,
         Some(&run.path),
     )?;
     directory.goes_on()?;

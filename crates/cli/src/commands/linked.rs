@@ -9,7 +9,7 @@ use stridemap_link::{Journal, LoggedMachine, RemoteMachine};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator};
 use stridemap_robot::{EstimatedRobot, JointLimits, Machine};
 
-use super::beside::{Doing, LastFall, Person, Watcher, plan};
+use super::beside::{LastFall, Person, Purpose, Watcher, plan};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::stop::robot_stop_flag;
@@ -31,7 +31,7 @@ pub fn log_path(run: &Path) -> PathBuf {
 pub fn plant(
     task: &Task,
     common: &Common,
-    doing: &Doing,
+    purpose: &Purpose,
     run: Option<&Path>,
 ) -> Result<Plant, Failure> {
     let lab = |error| task.located(error);
@@ -44,7 +44,7 @@ pub fn plant(
         Some(link) => {
             let (names, limits) = joints(task)?;
             let stop = robot_stop_flag(link);
-            let (text, halt) = (plan(task, doing), Arc::clone(&stop));
+            let (text, halt) = (plan(task, purpose), Arc::clone(&stop));
             let operator = Person::new(text, common.yes, run, &last_fall, stop);
             let period_s = task.robot.control_period_s;
             let operator = Box::new(operator);
@@ -75,7 +75,7 @@ pub fn plant(
         journal: Some(journal),
         last_fall,
         run: run
-            .filter(|_| task.link.is_some() && matches!(doing, Doing::Learn | Doing::Collect))
+            .filter(|_| task.link.is_some() && matches!(purpose, Purpose::Learn | Purpose::Collect))
             .map(Path::to_path_buf),
         in_stride: false,
     })));
@@ -113,10 +113,10 @@ pub fn algorithm<'a>(
     seed: u64,
     progress: Progress,
     common: &Common,
-    doing: &Doing,
+    purpose: &Purpose,
     run: Option<&Path>,
 ) -> Result<Algorithm<'a>, Failure> {
-    let plant = plant(task, common, doing, run)?;
+    let plant = plant(task, common, purpose, run)?;
     Ok(Algorithm::on(task, seed, plant, progress))
 }
 

@@ -9,7 +9,7 @@ use stridemap_mujoco::{MujocoConfig, SimulatedMachine, joints_at_rest};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 use stridemap_robot::Ros2Config;
 
-use super::beside::Doing;
+use super::beside::Purpose;
 use super::linked::plant;
 use super::process::Process;
 
@@ -139,7 +139,7 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
         json,
         threads: None,
     };
-    let mut plant = plant(&task, &common, &Doing::Collect, None)?;
+    let mut plant = plant(&task, &common, &Purpose::Collect, None)?;
     let mut rng = stream(1, Role::Run, 0);
     plant
         .reset(&mut rng)

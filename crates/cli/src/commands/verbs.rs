@@ -11,7 +11,7 @@ use stridemap_lab::{
 };
 use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
-use super::beside::Doing;
+use super::beside::Purpose;
 use super::{in_network, linked, on_robot, provenance, run_path, say_differences};
 use crate::args::Common;
 use crate::failure::Failure;
@@ -44,7 +44,7 @@ pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Resul
         common.seed,
         Progress::default(),
         common,
-        &Doing::Collect,
+        &Purpose::Collect,
         Some(&path),
     )?;
     algorithm.collect(&mut directory)?;
@@ -79,7 +79,7 @@ fn next_batch(run: &FinishedRun, common: &Common) -> Result<(), Failure> {
         run.provenance.seed,
         progress,
         common,
-        &Doing::Collect,
+        &Purpose::Collect,
         Some(&run.path),
     )?;
     directory.goes_on()?;

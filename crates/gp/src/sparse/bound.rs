@@ -263,13 +263,13 @@ impl Bound {
         let transposed = transpose(&inverse, m, stride);
 
         // Γ without A E Aᵀ; `left` = L⁻ᵀ(E-part − B⁻¹)
-        let mut gamma = Aligned::zeros(stride * stride);
+        let mut adjoint = Aligned::zeros(stride * stride);
         let mut middle = Aligned::zeros(stride * stride);
         for j in 0..m {
             for i in 0..m {
                 let at = j * stride + i;
                 let identity = if i == j { 1.0 } else { 0.0 };
-                gamma[at] = inverse_b[at] - identity + self.beta[i] * self.beta[j];
+                adjoint[at] = inverse_b[at] - identity + self.beta[i] * self.beta[j];
                 middle[at] = if vfe {
                     identity - inverse_b[at]
                 } else {
@@ -347,13 +347,13 @@ impl Bound {
                 by_lambda += 0.5 * (1.0 - inverse_b[i * stride + i]) / noise;
             }
         }
-        for (gamma, energy) in gamma.iter_mut().zip(energy.iter()) {
-            *gamma += energy;
+        for (adjoint, energy) in adjoint.iter_mut().zip(energy.iter()) {
+            *adjoint += energy;
         }
-        let trace_gamma: f64 = (0..m).map(|i| gamma[i * stride + i]).sum();
+        let trace_adjoint: f64 = (0..m).map(|i| adjoint[i * stride + i]).sum();
 
         // ∂F/∂K_uu = −½ L⁻ᵀ Γ L⁻¹
-        product(left, &transposed, &gamma, m, stride, m, false);
+        product(left, &transposed, &adjoint, m, stride, m, false);
         product(right, left, &inverse, m, stride, m, false);
         let by_uu = right;
 
@@ -367,7 +367,7 @@ impl Bound {
         } else {
             (by_lambda, by_lambda)
         };
-        gradient[0] = 0.5 * trace_gamma + signal * direct;
+        gradient[0] = 0.5 * trace_adjoint + signal * direct;
         gradient[1] = noise * by_noise;
         gradient[2..].fill(0.0);
         let (by_scales, by_inducing) = gradient[2..].split_at_mut(dims);

@@ -312,7 +312,7 @@ impl<'a> Known<'a> {
         }
     }
 
-    /// Improves a policy in the map: as it was fitted, or, with caution, charged for doubt. The components'
+    /// Improves a policy in the map: as it was fitted, or, with caution, charged for what the map does not know. The components'
     /// bounds are those of the region where `within_region`.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{LearnError, check_length, check_number};
 
-/// Parameters of [`SearchLearner`](super::SearchLearner); the defaults are those of recipe V.
+/// Parameters of [`SearchLearner`](super::SearchLearner).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchConfig {

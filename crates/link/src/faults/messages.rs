@@ -51,7 +51,7 @@ pub(super) fn bad_messages(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError
         raw.seen();
         let began = Instant::now();
         bad();
-        rig.ear
+        rig.listener
             .wait(began, Duration::from_secs(2), |s| count(s) > count(&before));
         let took_s = began.elapsed().as_secs_f64();
         for _ in 0..10 {

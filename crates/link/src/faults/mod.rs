@@ -14,7 +14,7 @@ use serde::Serialize;
 use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
-use crate::network::Weather;
+use crate::network::NetworkConditions;
 
 /// One row of the fault table.
 #[derive(Clone, Debug, Serialize)]
@@ -103,13 +103,13 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
         "every message delayed by 200 ms",
         network::delayed(&next(), 0.2),
     ));
-    let fair = Weather::default();
+    let fair = NetworkConditions::default();
     row(tried(
         "reordered: one of 5 messages overtaken by the next",
         network::borne(
             &next(),
             "reordered: one of 5 messages overtaken by the next",
-            Weather {
+            NetworkConditions {
                 overtake_one_of: Some(5),
                 ..fair
             },
@@ -122,7 +122,7 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
         network::borne(
             &next(),
             "duplicated: every message twice",
-            Weather {
+            NetworkConditions {
                 twice: true,
                 ..fair
             },
@@ -135,7 +135,7 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
         network::borne(
             &next(),
             "5 % lost: one of 20 messages of each topic",
-            Weather {
+            NetworkConditions {
                 lose_one_of: Some(20),
                 ..fair
             },

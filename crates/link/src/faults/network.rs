@@ -9,7 +9,7 @@ use super::stand_in::PERIOD_S;
 use super::{FaultRow, ms};
 use crate::error::LinkError;
 use crate::guard::Refusals;
-use crate::network::Weather;
+use crate::network::NetworkConditions;
 use crate::server::Status;
 
 /// Silence, in robot time, after which the robot was first heard to do this.
@@ -25,19 +25,19 @@ pub(super) fn cut(link: &Ros2Config, for_ms: u64) -> Result<FaultRow, LinkError>
     walk(&mut controller, 50)?;
     let began = Instant::now();
     let for_s = 1e-3 * for_ms as f64;
-    rig.network.set(Weather {
+    rig.network.set(NetworkConditions {
         cut: true,
-        ..Weather::default()
+        ..NetworkConditions::default()
     });
     let after = std::thread::scope(|scope| {
         scope.spawn(|| {
             std::thread::sleep(Duration::from_millis(for_ms));
-            rig.network.set(Weather::default());
+            rig.network.set(NetworkConditions::default());
         });
         walk(&mut controller, 10 + (for_s / PERIOD_S) as usize)
     });
     // What the robot did in the cut, not in the silence after this walk.
-    let heard = rig.ear.since(began);
+    let heard = rig.listener.since(began);
     let (hold, damp) = (silence_at(&heard, "hold"), silence_at(&heard, "damp"));
     let aborted = matches!(after, Err(RobotError::Link { .. }));
     let did = match (hold, damp) {
@@ -71,15 +71,15 @@ pub(super) fn delayed(link: &Ros2Config, delay_s: f64) -> Result<FaultRow, LinkE
     let mut controller = rig.controller()?;
     walk(&mut controller, 50)?;
     let began = Instant::now();
-    rig.network.set(Weather {
+    rig.network.set(NetworkConditions {
         delay_s,
-        ..Weather::default()
+        ..NetworkConditions::default()
     });
     let after = walk(&mut controller, 200);
     let aborted_s = began.elapsed().as_secs_f64();
     let is_safe = |s: &Status| s.act != "follow";
-    rig.ear.wait(began, Duration::from_secs(2), is_safe);
-    let heard = rig.ear.since(began);
+    rig.listener.wait(began, Duration::from_secs(2), is_safe);
+    let heard = rig.listener.since(began);
     let hold = silence_at(&heard, "hold");
     let stale = heard.iter().map(|s| s.refusals.stale).max().unwrap_or(0);
     let aborted = matches!(after, Err(RobotError::Link { .. }));
@@ -100,7 +100,7 @@ pub(super) fn delayed(link: &Ros2Config, delay_s: f64) -> Result<FaultRow, LinkE
 pub(super) fn borne(
     link: &Ros2Config,
     fault: &str,
-    weather: Weather,
+    conditions: NetworkConditions,
     noticed: fn(&Refusals) -> u64,
     counted: &str,
 ) -> Result<FaultRow, LinkError> {
@@ -109,9 +109,9 @@ pub(super) fn borne(
     walk(&mut controller, 50)?;
     let (began, before) = (Instant::now(), noticed(&rig.last().refusals));
     let missed_before = controller.counts().missed;
-    rig.network.set(weather);
+    rig.network.set(conditions);
     let after = walk(&mut controller, 250);
-    let heard = rig.ear.since(began);
+    let heard = rig.listener.since(began);
     let followed = heard.iter().all(|s| s.act == "follow");
     let refused = noticed(&rig.last().refusals) - before;
     let missed = controller.counts().missed - missed_before;

@@ -11,22 +11,22 @@ use ros2_client::{Publisher, Subscription};
 use stridemap_robot::{Machine, RobotError, Ros2Config};
 
 use super::stand_in::{JOINTS, PERIOD_S, StandIn, limits, names};
-use crate::ear::StatusEar;
 use crate::error::LinkError;
 use crate::guard::GuardBounds;
+use crate::listener::StatusListener;
 use crate::messages::{Float64MultiArray, JointState, UInt64MultiArray};
 use crate::network::BadNetwork;
 use crate::node::{LinkNode, Topics, drain};
-use crate::remote::{RemoteMachine, Yes};
+use crate::remote::{AlwaysConfirms, RemoteMachine};
 use crate::server::{Serve, ServerReport, Status, serve};
 
-/// A served stand-in, and an ear for what it says. The controller is behind a network of its own: a domain
+/// A served stand-in, and an listener for what it says. The controller is behind a network of its own: a domain
 /// above the robot's.
 pub(super) struct Rig {
     pub robot_side: Ros2Config,
     pub controller_side: Ros2Config,
     pub network: BadNetwork,
-    pub ear: StatusEar,
+    pub listener: StatusListener,
     stop: Arc<AtomicBool>,
     server: Option<JoinHandle<Result<ServerReport, LinkError>>>,
     node: LinkNode,
@@ -54,7 +54,7 @@ impl Rig {
         };
         let began = Instant::now();
         let rig = Self {
-            ear: StatusEar::open(&robot_side)?,
+            listener: StatusListener::open(&robot_side)?,
             network: BadNetwork::between(&robot_side, &controller_side)?,
             node: LinkNode::open(&robot_side, "raw_controller")?,
             robot_side,
@@ -73,18 +73,19 @@ impl Rig {
             }),
             stop,
         };
-        rig.ear.wait(began, Duration::from_secs(10), |_| true);
+        rig.listener.wait(began, Duration::from_secs(10), |_| true);
         Ok(rig)
     }
 
     pub fn last(&self) -> Status {
-        self.ear.last().unwrap_or_default()
+        self.listener.last().unwrap_or_default()
     }
 
     /// A controller behind the network, standing and ready.
     pub fn controller(&self) -> Result<RemoteMachine, LinkError> {
         let link = &self.controller_side;
-        let mut machine = RemoteMachine::open(link, names(), limits(), PERIOD_S, Box::new(Yes))?;
+        let mut machine =
+            RemoteMachine::open(link, names(), limits(), PERIOD_S, Box::new(AlwaysConfirms))?;
         machine.reset(&[0.0; JOINTS], &mut ChaCha8Rng::seed_from_u64(0))?;
         Ok(machine)
     }

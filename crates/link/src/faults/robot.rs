@@ -16,7 +16,7 @@ use crate::messages::{
     Float64MultiArray, Header, Imu, JointState, RosTime, WrenchStamped, to_messages,
 };
 use crate::node::{LinkNode, drain};
-use crate::remote::{RemoteMachine, Yes};
+use crate::remote::{AlwaysConfirms, RemoteMachine};
 use crate::stop::send_stop;
 
 fn generator() -> ChaCha8Rng {
@@ -48,7 +48,7 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
     }
     let took_s = controller.frame().time_s - start_s;
     // The controller may hear of the second before the robot has said what it did with its commands.
-    rig.ear.wait(began, Duration::from_secs(2), |s| {
+    rig.listener.wait(began, Duration::from_secs(2), |s| {
         s.refusals.second_writer > 0
     });
     let refused = rig.last().refusals.second_writer;
@@ -96,11 +96,11 @@ pub(super) fn emergency_stop(link: &Ros2Config) -> Result<FaultRow, LinkError> {
         walk(&mut controller, 2000)
     });
     let stopped = matches!(after, Err(RobotError::EmergencyStop { .. }));
-    rig.ear.wait(began, Duration::from_secs(2), |s| {
+    rig.listener.wait(began, Duration::from_secs(2), |s| {
         s.stopped.is_some() && s.act == "damp"
     });
     // How long the robot followed after the stop was pressed: from its own words.
-    let heard = rig.ear.since(began);
+    let heard = rig.listener.since(began);
     let pressed = heard.iter().find(|s| s.stopped.is_some());
     let damped = heard
         .iter()
@@ -115,7 +115,7 @@ pub(super) fn emergency_stop(link: &Ros2Config) -> Result<FaultRow, LinkError> {
     let latched = matches!(again, Err(RobotError::EmergencyStop { .. }));
     let rearmed = Instant::now();
     let _ = send_stop(&rig.robot_side, "", true)?;
-    rig.ear
+    rig.listener
         .wait(rearmed, Duration::from_secs(2), |s| s.stopped.is_none());
     let moves = controller.reset(&[0.0; JOINTS], &mut generator()).is_ok();
     Ok(FaultRow::new(
@@ -205,7 +205,7 @@ pub(super) fn lying_robot(link: &Ros2Config, fault: &str, lie: Lie) -> Result<Fa
     });
     let result = (|| {
         let mut controller =
-            RemoteMachine::open(&link, names(), limits(), PERIOD_S, Box::new(Yes))?;
+            RemoteMachine::open(&link, names(), limits(), PERIOD_S, Box::new(AlwaysConfirms))?;
         controller.reset(&[0.0; JOINTS], &mut generator())?;
         let after = walk(&mut controller, 1000);
         // On this machine's clock: the robot's own may be what lies.

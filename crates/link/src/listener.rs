@@ -1,4 +1,4 @@
-//! An ear on what a robot says of itself.
+//! An listener on what a robot says of itself.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -13,13 +13,13 @@ use crate::server::Status;
 
 /// Listens to a robot's status from a thread of its own, and keeps all it heard with the time at which it was
 /// heard.
-pub struct StatusEar {
+pub struct StatusListener {
     heard: Arc<Mutex<Vec<(Instant, Status)>>>,
     stop: Arc<AtomicBool>,
     listener: Option<JoinHandle<()>>,
 }
 
-impl StatusEar {
+impl StatusListener {
     /// Begins to listen.
     ///
     /// # Errors
@@ -27,17 +27,17 @@ impl StatusEar {
     /// [`LinkError`] if the network cannot be joined.
     pub fn open(link: &Ros2Config) -> Result<Self, LinkError> {
         let mut node = LinkNode::open(link, "stridemap_ear")?;
-        let ear = node.subscription(Topics::STATUS)?;
+        let listener = node.subscription(Topics::STATUS)?;
         let heard = Arc::new(Mutex::new(Vec::new()));
         let stop = Arc::new(AtomicBool::new(false));
         let (into, until) = (Arc::clone(&heard), Arc::clone(&stop));
         let listener = std::thread::Builder::new()
-            .name("status-ear".into())
+            .name("status-listener".into())
             .spawn(move || {
-                // The node lives as long as its ear.
+                // The node lives as long as its listener.
                 let _node = node;
                 while !until.load(Ordering::Relaxed) {
-                    let new = drain::<crate::messages::Text>(&ear, &mut 0);
+                    let new = drain::<crate::messages::Text>(&listener, &mut 0);
                     let now = Instant::now();
                     let read = new
                         .iter()
@@ -49,7 +49,7 @@ impl StatusEar {
                     std::thread::sleep(Duration::from_millis(1));
                 }
             })
-            .map_err(|e| LinkError::Network(format!("an ear cannot be opened: {e}")))?;
+            .map_err(|e| LinkError::Network(format!("an listener cannot be opened: {e}")))?;
         Ok(Self {
             heard,
             stop,
@@ -87,7 +87,7 @@ impl StatusEar {
     }
 }
 
-impl Drop for StatusEar {
+impl Drop for StatusListener {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(listener) = self.listener.take() {
