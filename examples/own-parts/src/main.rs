@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use stridemap_gait::{Gait, GaitError, Modulation, OscillatorGait};
 use stridemap_lab::run::{Measured, Summary};
 use stridemap_lab::{
-    Algorithm, GaitPart, Known, LabError, LearnerPart, NoRecorder, Part, RewardOf, RewardPart, StateComponent,
-    StatePart, builtin, gaits, learners, rewards, states,
+    Algorithm, GaitPart, Known, LabError, LearnerPart, NoRecorder, Part, RewardOf, RewardPart,
+    StateComponent, StatePart, builtin, gaits, learners, rewards, states,
 };
 use stridemap_learn::{
     ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary,
@@ -57,7 +57,10 @@ static STIFF_KNEES: GaitPart = GaitPart {
         let knee_deg = task.gait.own.get("knee_deg").copied().unwrap_or(0.0);
         let rest = task.robot.rest_targets();
         let inner = OscillatorGait::new(task.gait.clone(), rest)?;
-        Ok(Box::new(StiffKnees { inner, straighter_rad: knee_deg.to_radians() }))
+        Ok(Box::new(StiffKnees {
+            inner,
+            straighter_rad: knee_deg.to_radians(),
+        }))
     },
 };
 
@@ -108,7 +111,11 @@ impl Learner for RandomSearch {
             }
         }
         let policy = SavedPolicy::Constant(ConstantPolicy::new(spec, &best)?);
-        Ok(LearnOutcome { policy, trials: Vec::new(), strides })
+        Ok(LearnOutcome {
+            policy,
+            trials: Vec::new(),
+            strides,
+        })
     }
 }
 
@@ -133,7 +140,12 @@ impl LearnerPart for Registered {
         rng: &mut ChaCha8Rng,
         observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
-        let candidates = known.task.learner.own.get("candidates").map_or(20, |n| *n as usize);
+        let candidates = known
+            .task
+            .learner
+            .own
+            .get("candidates")
+            .map_or(20, |n| *n as usize);
         known.in_map(&mut RandomSearch { candidates }, None, true, rng, observer)
     }
 }
@@ -154,6 +166,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let summary = learn(concat!(env!("CARGO_MANIFEST_DIR"), "/own.toml"))?;
     let reward = |measured: Option<Measured>| measured.map(|m| m.performance.mean_reward);
     let (nominal, last) = (reward(summary.nominal), reward(summary.final_policy));
-    println!("nominal {nominal:.4?}, final {last:.4?}, {} strides", summary.strides.training);
+    println!(
+        "nominal {nominal:.4?}, final {last:.4?}, {} strides",
+        summary.strides.training
+    );
     Ok(())
 }
