@@ -143,7 +143,9 @@ impl Document {
     /// ```
     #[must_use]
     pub fn located(&self, key: &str, message: impl Into<String>) -> ConfigError {
-        ConfigError::new(Some(self.place(key)), key, message)
+        // With the quotes that it needs, and no others.
+        let plain = segments(key).map_or_else(|| key.to_owned(), |path| dotted(&path));
+        ConfigError::new(Some(self.place(key)), &plain, message)
     }
 }
 
