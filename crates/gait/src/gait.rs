@@ -34,6 +34,16 @@ pub enum GaitError {
         /// What it must satisfy.
         requirement: &'static str,
     },
+    /// The robot lacks a joint that the gait moves.
+    #[error(
+        "robot.{side}: names no {joint}; the gait moves it in each leg (hip_yaw and ankle_roll may be left out)"
+    )]
+    NoJoint {
+        /// `left` or `right`.
+        side: &'static str,
+        /// The part that no joint plays.
+        joint: &'static str,
+    },
     /// There is no modulation of this index.
     #[error("modulation {index} does not exist; this gait has {count}")]
     NoSuchModulation {
@@ -71,7 +81,7 @@ pub trait Gait: Send {
     fn modulations(&self) -> &[Modulation];
 
     /// The posture from which the gait starts.
-    fn rest(&self) -> JointTargets;
+    fn rest(&self) -> &JointTargets;
 
     /// Starts anew, with every modulation neutral.
     fn reset(&mut self);
@@ -84,8 +94,9 @@ pub trait Gait: Send {
     /// unchanged.
     fn modulate(&mut self, index: usize, value: f64) -> Result<(), GaitError>;
 
-    /// Joint targets for the next control period of `dt_s`.
-    fn targets(&mut self, state: &RobotState, dt_s: f64) -> JointTargets;
+    /// Writes what is asked of every joint of the robot for the next control period of `dt_s`. Joints that the gait
+    /// does not move are held at rest. Reuses `out`'s memory.
+    fn targets(&mut self, state: &RobotState, dt_s: f64, out: &mut JointTargets);
 
     /// Seconds after a reset until the gait is at full amplitude.
     fn start_up_s(&self) -> f64;

@@ -17,6 +17,7 @@
 
 mod filter;
 mod gait;
+mod modulations;
 mod oscillator;
 mod phase;
 mod targets;

@@ -3,9 +3,13 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{JointTargets, LegJoint, RobotState, Side};
+use stridemap_robot::{JointTargets, LegJoint, LegRole, RobotDescription, RobotState, Side};
 
 use crate::gait::{Gait, GaitError, Modulation};
+use crate::modulations::{
+    ANKLE_LEAN, ANKLE_ROLL_STEP, COUNT, CROUCH, FREQUENCY, HIP_LEAN, PITCH, ROLL, STEP, WALK,
+    modulations,
+};
 use crate::phase::{PhaseConfig, PhaseDetector, PhaseSource};
 use crate::targets::{Amplitudes, Phases, joint_offsets};
 
@@ -164,94 +168,6 @@ impl GaitConfig {
     }
 }
 
-// Positions in the list of modulations.
-const STEP: usize = 0;
-const WALK: usize = 1;
-const ANKLE_ROLL_STEP: usize = 2;
-const ROLL: usize = 3;
-const PITCH: usize = 4;
-const FREQUENCY: usize = 5;
-const HIP_LEAN: usize = 6;
-const ANKLE_LEAN: usize = 7;
-const CROUCH: usize = 8;
-const COUNT: usize = 9;
-
-/// The modulations of a gait with this configuration.
-fn modulations(config: &GaitConfig) -> [Modulation; COUNT] {
-    let m = |name, neutral, lower, upper, about| Modulation {
-        name,
-        neutral,
-        lower,
-        upper,
-        about,
-    };
-    [
-        m(
-            "step_amplitude_deg",
-            0.0,
-            -20.0,
-            20.0,
-            "A_step: added to the pitch amplitude [MA09, eq. (26)]",
-        ),
-        m(
-            "walk_amplitude_deg",
-            config.amplitude_deg.walk,
-            -30.0,
-            30.0,
-            "A_walk: forward swing of hip and ankle [MA09, eq. (6)]",
-        ),
-        m(
-            "ankle_roll_amplitude_deg",
-            0.0,
-            -20.0,
-            20.0,
-            "A_a_step: added to the ankle's roll amplitude [MA09, eq. (29)]",
-        ),
-        m(
-            "roll_amplitude_deg",
-            config.amplitude_deg.hip_roll,
-            0.0,
-            30.0,
-            "A_roll: roll amplitude of the hips; the ankles keep their difference to it",
-        ),
-        m(
-            "pitch_amplitude_deg",
-            config.amplitude_deg.pitch,
-            0.0,
-            30.0,
-            "A_pitch: how high the feet are lifted [MA09, eq. (5)]",
-        ),
-        m(
-            "natural_frequency_rad_s",
-            config.natural_frequency_rad_s,
-            0.1,
-            50.0,
-            "omega_c: natural frequency of the oscillators [MA09, eq. (2)]",
-        ),
-        m(
-            "hip_lean_deg",
-            0.0,
-            -20.0,
-            20.0,
-            "added to the hips' rest pitch; + leans the torso forward",
-        ),
-        m(
-            "ankle_lean_deg",
-            0.0,
-            -15.0,
-            15.0,
-            "added to the ankles' rest pitch; + leans the whole body forward",
-        ),
-        m(
-            "crouch_deg",
-            0.0,
-            -30.0,
-            30.0,
-            "added to hip and ankle, twice taken from the knee; - straightens the legs",
-        ),
-    ]
-}
-
 /// Sinusoidal joint targets driven by four oscillators that are coupled to the robot's own phase.
 ///
 /// ```text
@@ -263,6 +179,7 @@ fn modulations(config: &GaitConfig) -> [Modulation; COUNT] {
 pub struct OscillatorGait {
     config: GaitConfig,
     rest: JointTargets,
+    legs: Vec<(Side, LegJoint, LegRole)>,
     modulations: [Modulation; COUNT],
     values: [f64; COUNT],
     detector: PhaseDetector,
@@ -271,17 +188,29 @@ pub struct OscillatorGait {
 }
 
 impl OscillatorGait {
-    /// A gait about a rest posture.
+    /// A gait about a robot's rest posture. It moves the leg joints, but not a hip yaw, and holds all others.
     ///
     /// # Errors
     ///
-    /// [`GaitError::Parameter`] for a configuration outside its domain.
-    pub fn new(config: GaitConfig, rest: JointTargets) -> Result<Self, GaitError> {
+    /// [`GaitError::Parameter`] for a configuration outside its domain; [`GaitError::NoJoint`] for a robot without one
+    /// of the joints that are not optional.
+    pub fn new(config: GaitConfig, robot: &RobotDescription) -> Result<Self, GaitError> {
         config.validate()?;
-        let modulations = modulations(&config);
+        let optional = [LegJoint::HipYaw, LegJoint::AnkleRoll];
+        let mut needed = robot.legs.iter().filter(|(_, j, _)| !optional.contains(j));
+        if let Some((side, joint, _)) = needed.find(|(.., role)| role.is_none()) {
+            let (side, joint) = (side.name(), joint.name());
+            return Err(GaitError::NoJoint { side, joint });
+        }
+        let legs: Vec<_> = robot.legs.roles().collect();
+        let ankle_rolls = legs
+            .iter()
+            .any(|(_, joint, _)| *joint == LegJoint::AnkleRoll);
+        let modulations = modulations(&config, ankle_rolls);
         let values = std::array::from_fn(|i| modulations[i].neutral);
         Ok(Self {
-            rest,
+            rest: robot.rest(),
+            legs,
             modulations,
             values,
             detector: PhaseDetector::new(config.phase),
@@ -328,8 +257,8 @@ impl Gait for OscillatorGait {
         &self.modulations
     }
 
-    fn rest(&self) -> JointTargets {
-        self.rest
+    fn rest(&self) -> &JointTargets {
+        &self.rest
     }
 
     fn reset(&mut self) {
@@ -359,7 +288,7 @@ impl Gait for OscillatorGait {
         Ok(())
     }
 
-    fn targets(&mut self, state: &RobotState, dt_s: f64) -> JointTargets {
+    fn targets(&mut self, state: &RobotState, dt_s: f64, out: &mut JointTargets) {
         let phi = self.detector.update(state, dt_s);
         let k_c = if self.time_s < self.config.coupling_delay_s {
             0.0
@@ -373,17 +302,19 @@ impl Gait for OscillatorGait {
         self.time_s += dt_s;
 
         let offset_rad = joint_offsets(&self.phases_rad, &self.amplitudes());
-        let mut targets = self.rest;
-        for (side, joint, offset) in offset_rad.iter() {
+        out.joints.clone_from(&self.rest.joints);
+        for &(side, joint, LegRole { joint: at, sign }) in &self.legs {
             let lean_deg = match joint {
                 LegJoint::HipPitch => self.values[HIP_LEAN] + self.values[CROUCH],
                 LegJoint::Knee => -2.0 * self.values[CROUCH],
                 LegJoint::AnklePitch => self.values[ANKLE_LEAN] + self.values[CROUCH],
-                LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
+                LegJoint::HipYaw | LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
             };
-            targets.position_rad[(side, joint)] += offset + lean_deg.to_radians();
+            if let Some(command) = out.joints.get_mut(at) {
+                let moved_rad = offset_rad[(side, joint)] + lean_deg.to_radians();
+                command.position_rad += sign * moved_rad;
+            }
         }
-        targets
     }
 
     /// `φ_c¹` for the right leg, `φ_c³` for the left.
@@ -403,16 +334,44 @@ impl Gait for OscillatorGait {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stridemap_robot::{JointTargets, Legs, Side};
+    use stridemap_robot::{JointDescription, JointLimits, Legs, Side};
 
-    fn rest() -> JointTargets {
-        JointTargets {
-            position_rad: Legs::from_fn(|_, joint| match joint {
-                LegJoint::HipPitch | LegJoint::AnklePitch => 20_f64.to_radians(),
-                LegJoint::Knee => (-40_f64).to_radians(),
+    /// A robot with an arm, its right leg's signs turned around, with these joints of the legs.
+    fn robot(has: impl Fn(Side, LegJoint) -> bool) -> RobotDescription {
+        let joint = |name: String, rest_deg: f64| JointDescription {
+            name,
+            limits: JointLimits::default(),
+            rest_rad: rest_deg.to_radians(),
+        };
+        let mut joints = vec![joint("arm".into(), 5.0)];
+        let legs = Legs::from_fn(|side, part| {
+            let sign = side.lateral_sign();
+            let rest_deg = match part {
+                LegJoint::HipPitch | LegJoint::AnklePitch => 20.0,
+                LegJoint::Knee => -40.0,
                 _ => 0.0,
-            }),
+            };
+            has(side, part).then(|| {
+                joints.push(joint(part.name().into(), sign * rest_deg));
+                let joint = joints.len() - 1;
+                LegRole { joint, sign }
+            })
+        });
+        RobotDescription {
+            joints,
+            legs,
+            ..RobotDescription::default()
         }
+    }
+
+    fn gait(config: GaitConfig) -> OscillatorGait {
+        OscillatorGait::new(config, &robot(|_, joint| joint != LegJoint::HipYaw)).unwrap()
+    }
+
+    fn targets(gait: &mut OscillatorGait, state: &RobotState, dt_s: f64) -> JointTargets {
+        let mut out = JointTargets::default();
+        gait.targets(state, dt_s, &mut out);
+        out
     }
 
     fn weight_at(cop_right_m: f64) -> RobotState {
@@ -434,12 +393,12 @@ mod tests {
         config.phase.position_filter_s = 0.0;
         config.phase.velocity_filter_s = 0.0;
         config.natural_frequency_rad_s = 3.5;
-        let mut gait = OscillatorGait::new(config, rest()).unwrap();
+        let mut gait = gait(config);
         let dt_s = 1e-4;
         let mut t = 0.0;
         for k in 0..100_000 {
             t = f64::from(k) * dt_s;
-            gait.targets(&weight_at(0.05 * t.cos()), dt_s);
+            targets(&mut gait, &weight_at(0.05 * t.cos()), dt_s);
         }
         let lag = ((1.0 - 3.5) / 10.0_f64).asin();
         for (phi_c, phi_d) in gait.phases_rad().iter().zip(DESIRED_PHASE_RAD) {
@@ -450,13 +409,15 @@ mod tests {
 
     #[test]
     fn starts_in_the_rest_posture_and_ends_its_ramp_at_full_amplitude() {
-        let mut gait = OscillatorGait::new(GaitConfig::default(), rest()).unwrap();
-        let first = gait.targets(&weight_at(0.0), 0.002);
-        for (side, joint, angle) in first.position_rad.iter() {
-            let from_rest = angle - rest().position_rad[(side, joint)];
+        let mut gait = gait(GaitConfig::default());
+        let first = targets(&mut gait, &weight_at(0.0), 0.002);
+        assert_eq!(first.joints.len(), 11);
+        assert_eq!(first.joints[0], gait.rest().joints[0], "the arm is held");
+        for (now, rest) in first.joints.iter().zip(&gait.rest().joints) {
+            let from_rest = now.position_rad - rest.position_rad;
             assert!(
                 from_rest.abs() < 0.002 * 4_f64.to_radians() * 1.001,
-                "{joint:?} {from_rest}"
+                "{from_rest}"
             );
         }
         gait.time_s = gait.start_up_s();
@@ -467,7 +428,7 @@ mod tests {
 
     #[test]
     fn modulations_move_what_they_name_and_reset_forgets_them() {
-        let mut gait = OscillatorGait::new(GaitConfig::default(), rest()).unwrap();
+        let mut gait = gait(GaitConfig::default());
         gait.time_s = 10.0;
         gait.modulate(STEP, 2.0).unwrap();
         gait.modulate(ANKLE_ROLL_STEP, 1.0).unwrap();
@@ -477,11 +438,11 @@ mod tests {
         assert!((a.hip_roll_rad - 4_f64.to_radians()).abs() < 1e-15);
         gait.modulate(ANKLE_LEAN, 2.0).unwrap();
         gait.modulate(CROUCH, -10.0).unwrap();
-        let t = gait.targets(&weight_at(0.0), 1e-9);
+        let t = targets(&mut gait, &weight_at(0.0), 1e-9);
         let hip_plus_knee_plus_ankle: f64 =
             [LegJoint::HipPitch, LegJoint::Knee, LegJoint::AnklePitch]
                 .iter()
-                .map(|&j| t.position_rad[(Side::Left, j)])
+                .map(|&j| t.joints[j.index()].position_rad)
                 .sum();
         assert!((hip_plus_knee_plus_ankle - 2_f64.to_radians()).abs() < 1e-12);
         gait.reset();
@@ -493,9 +454,32 @@ mod tests {
         );
     }
 
+    /// A hip yaw is held, an ankle roll may be missing, and nothing else changes but signs.
+    #[test]
+    fn moves_the_joints_that_there_are() {
+        let mut usual = gait(GaitConfig::default());
+        let other = robot(|_, joint| joint != LegJoint::AnkleRoll);
+        let mut other = OscillatorGait::new(GaitConfig::default(), &other).unwrap();
+        for gait in [&mut usual, &mut other] {
+            gait.time_s = 10.0;
+            gait.modulate(CROUCH, 3.0).unwrap();
+        }
+        let [a, b] = [&mut usual, &mut other].map(|g| targets(g, &weight_at(0.03), 0.01));
+        for (side, joint, LegRole { joint: at, .. }) in other.legs.clone() {
+            let mut roles = usual.legs.iter();
+            let role = roles.find(|(s, j, _)| (*s, *j) == (side, joint));
+            let expected = role.map_or(other.rest.joints[at], |(.., r)| a.joints[r.joint]);
+            assert_eq!(b.joints[at], expected, "{side:?} {joint:?}");
+        }
+        assert!(other.modulate(ANKLE_ROLL_STEP, 1.0).is_err());
+        let kneeless = robot(|side, joint| side == Side::Left || joint != LegJoint::Knee);
+        let error = OscillatorGait::new(GaitConfig::default(), &kneeless).unwrap_err();
+        assert!(error.to_string().contains("robot.right: names no knee"));
+    }
+
     #[test]
     fn a_nan_modulation_is_refused() {
-        let mut gait = OscillatorGait::new(GaitConfig::default(), rest()).unwrap();
+        let mut gait = gait(GaitConfig::default());
         assert!(matches!(
             gait.modulate(STEP, f64::NAN),
             Err(GaitError::ModulationOutOfRange {

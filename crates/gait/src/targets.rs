@@ -21,6 +21,7 @@ pub struct Amplitudes {
 /// Joint angles relative to the rest posture.
 ///
 /// ```text
+/// hip yaw    0
 /// hip roll   −A_hroll sin φ_c¹          both legs, about +x          [MA09, eq. (3)]
 /// ankle roll +A_aroll sin φ_c¹          both legs, about +x          [MA09, eq. (4), (29)]
 /// hip pitch  +A^pitch s − A_walk w      s = sin φ_c¹ right, sin φ_c³ left
@@ -57,6 +58,7 @@ pub fn joint_offsets(phases: &Phases, amplitudes: &Amplitudes) -> Legs<f64> {
             Side::Left => (sin3, sin4),
         };
         match joint {
+            LegJoint::HipYaw => 0.0,
             LegJoint::HipRoll => -a.hip_roll_rad * sin1,
             LegJoint::AnkleRoll => a.ankle_roll_rad * sin1,
             LegJoint::HipPitch => a.pitch_rad * s - a.walk_rad * w,
@@ -111,7 +113,9 @@ mod tests {
         );
         for joint in LEG_JOINTS {
             let mirrored = match joint {
-                LegJoint::HipRoll | LegJoint::AnkleRoll => -later[(Side::Left, joint)],
+                LegJoint::HipYaw | LegJoint::HipRoll | LegJoint::AnkleRoll => {
+                    -later[(Side::Left, joint)]
+                }
                 _ => later[(Side::Left, joint)],
             };
             assert!(

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use stridemap_config::{ConfigError, Document, nearest, to_toml};
 use stridemap_mujoco::{ModelSource, MujocoError};
-use stridemap_robot::{LEG_JOINTS, LegJoint};
 
 use crate::error::{Invalid, LabError};
 use crate::task::Task;
@@ -144,22 +143,9 @@ fn finish(document: Document) -> Result<LoadedTask, LabError> {
 fn not_yet(document: &Document) -> Option<(String, String)> {
     for key in ["robot.kp_nm_rad", "robot.kv_nms_rad"] {
         if document.keys(key).is_some() {
-            let message = "must be one number, for all ten leg joints; gains of each joint's own are those of the \
+            let message = "must be one number, for all leg joints; gains of each joint's own are those of the \
                            model's position servos, where this key is left out";
             return Some((key.into(), message.into()));
-        }
-    }
-    for side in ["left", "right"] {
-        let leg = format!("robot.{side}");
-        let keys = document.keys(&leg);
-        let lacks = |j: &&LegJoint| keys.as_ref().is_some_and(|k| !k.contains(&j.name()));
-        if let Some(joint) = LEG_JOINTS.iter().find(lacks) {
-            let message = format!(
-                "names no {}; each leg needs a foot and the hinges {}: a robot without one of them cannot be used",
-                joint.name(),
-                LEG_JOINTS.map(LegJoint::name).join(", ")
-            );
-            return Some((leg, message));
         }
     }
     None
@@ -197,6 +183,13 @@ fn located(document: &Document, model: &ModelSource, error: LabError) -> LabErro
             value,
             requirement,
         }) => at(&format!("gait.{name}"), format!("{value}: {requirement}")),
+        LabError::Gait(GaitError::NoJoint { side, .. }) => {
+            let (key, text) = (format!("robot.{side}"), error.to_string());
+            at(
+                &key,
+                text.trim_start_matches(&format!("{key}: ")).to_owned(),
+            )
+        }
         LabError::Section(SectionError::Parameter {
             name,
             value,
@@ -322,12 +315,23 @@ mod tests {
 
     #[test]
     fn what_a_task_cannot_say_of_a_robot_is_told_as_that() {
-        let leg = r#"robot.left={ hip_roll = "a", hip_pitch = "b", knee = "c", ankle_pitch = "d", foot = "e" }"#;
-        for (set, says) in [
-            (leg, "robot.left: names no ankle_roll"),
-            ("robot.kp_nm_rad={ knee = 3000.0 }", "must be one number"),
+        let leg =
+            r#"robot.left={ hip_roll = "a", hip_pitch = "b", ankle_pitch = "d", foot = "e" }"#;
+        let rolls = ["left", "right"].map(|side| format!("robot.{side}.ankle_roll=\"\""));
+        for (task, sets, says) in [
+            (
+                "stepping",
+                &[leg.to_owned()][..],
+                "robot.left: names no knee",
+            ),
+            ("small-stepping", &rolls, "must lie in order within [0, 0]"),
+            (
+                "stepping",
+                &["robot.kp_nm_rad={ knee = 3000.0 }".into()],
+                "must be one number",
+            ),
         ] {
-            let error = load("stepping", &[set.into()]).unwrap_err();
+            let error = load(task, sets).unwrap_err();
             assert!(
                 error.is_request() && error.to_string().contains(says),
                 "{error}"

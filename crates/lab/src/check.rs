@@ -104,13 +104,14 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         })
         .collect();
     let found = if problems.is_empty() {
-        "10 joints found, axes and signs plausible".into()
+        let count = report.joints.len();
+        format!("{count} joints found, axes and signs plausible")
     } else {
         problems.join("; ")
     };
     let joints_ok = report.item("joints", problems.is_empty(), found);
 
-    let rest = task.robot.rest_targets();
+    let rest = robot.description().rest();
     let start = robot.reset(&rest, &mut stream(seed, Role::Check, 0))?;
     let first_height_m = start.com.position_m[2];
     let stand_s = 1.0;

@@ -1,6 +1,7 @@
 //! Nominal gaits that a task may name.
 
 use stridemap_gait::{Gait, OscillatorGait};
+use stridemap_robot::RobotDescription;
 
 use crate::error::LabError;
 use crate::registry::{Part, Registry};
@@ -12,8 +13,9 @@ pub struct GaitPart {
     pub name: &'static str,
     /// What it is, in a line.
     pub about: &'static str,
-    /// Builds it from a task: `task.gait` has its parameters, those of a gait of one's own in `own`.
-    pub build: fn(&Task) -> Result<Box<dyn Gait>, LabError>,
+    /// Builds it from a task, for a robot: `task.gait` has its parameters, those of a gait of one's own in `own`. When a
+    /// task is read, the robot is an outline with nothing but its leg joints.
+    pub build: fn(&Task, &RobotDescription) -> Result<Box<dyn Gait>, LabError>,
 }
 
 impl Part for GaitPart {
@@ -31,10 +33,7 @@ pub fn gaits() -> &'static Registry<GaitPart> {
     static OSCILLATOR: GaitPart = GaitPart {
         name: "oscillator",
         about: "four oscillators phase-locked to the robot's centre of pressure (MA09, sec. 2)",
-        build: |task| {
-            let rest = task.robot.rest_targets();
-            Ok(Box::new(OscillatorGait::new(task.gait.clone(), rest)?))
-        },
+        build: |task, robot| Ok(Box::new(OscillatorGait::new(task.gait.clone(), robot)?)),
     };
     static GAITS: Registry<GaitPart> = Registry::new("gait", &[&OSCILLATOR]);
     &GAITS

@@ -1,7 +1,7 @@
 //! What is measured of a stride, whether or not it is rewarded.
 
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{JointTargets, RobotState};
+use stridemap_robot::{JointTargets, RobotDescription, RobotState};
 use stridemap_section::Pendulum;
 
 /// Gravity, for the cost of transport.
@@ -39,11 +39,11 @@ pub struct StrideMeasures {
     pub gait_phase_deg: f64,
     /// `(1/T) ∫ ψ̇_pitch dt` over the stride \[MA09, eq. (31)\].
     pub mean_psi_pitch_rate_deg_s: f64,
-    /// `Σ_joints ∫ |τ ω| dt`.
+    /// `Σ ∫ |τ ω| dt` over the leg joints.
     pub energy_j: f64,
     /// Largest vertical force on one foot.
     pub peak_foot_load_n: f64,
-    /// Root mean square of the difference between joint angles and the rest posture.
+    /// Root mean square of the difference between the leg joints' angles and the rest posture.
     pub posture_deviation_deg: f64,
     /// Energy over weight and the way ahead; ways under a centimetre count as one, because in place
     /// it would be infinite.
@@ -72,7 +72,8 @@ impl StrideMeasures {
 /// Measures one stride after another.
 #[derive(Clone, Debug)]
 pub struct StrideMeter {
-    rest: JointTargets,
+    /// The leg joints: place among the robot's joints, and angle at rest.
+    legs: Vec<(usize, f64)>,
     mass_kg: f64,
     first_heading_rad: f64,
     /// Change of heading from the episode's first to the beginning of this stride.
@@ -104,12 +105,14 @@ impl Instant {
 }
 
 impl StrideMeter {
-    /// A meter for a robot of this mass that rests in `rest`.
+    /// A meter for a robot that rests in `rest`.
     #[must_use]
-    pub fn new(rest: JointTargets, mass_kg: f64) -> Self {
+    pub fn new(robot: &RobotDescription, rest: &JointTargets) -> Self {
+        let leg = |joint: usize| Some((joint, rest.joints.get(joint)?.position_rad));
+        let legs = robot.legs.roles();
         Self {
-            rest,
-            mass_kg,
+            legs: legs.filter_map(|(.., role)| leg(role.joint)).collect(),
+            mass_kg: robot.mass_kg,
             first_heading_rad: 0.0,
             turned_rad: 0.0,
             start: Instant::default(),
@@ -136,12 +139,13 @@ impl StrideMeter {
     /// A stride begins.
     pub fn begin_stride(&mut self, state: &RobotState) {
         let now = Instant::of(state);
-        *self = Self {
-            first_heading_rad: self.first_heading_rad,
-            turned_rad: self.turned_rad + self.turn_rad(&now),
-            start: now,
-            ..Self::new(self.rest, self.mass_kg)
-        };
+        self.turned_rad += self.turn_rad(&now);
+        self.start = now;
+        self.pitch_rate_integral_deg = 0.0;
+        self.energy_j = 0.0;
+        self.peak_foot_load_n = 0.0;
+        self.deviation_square_integral_rad2_s = 0.0;
+        self.elapsed_s = 0.0;
     }
 
     /// One control tick of `dt_s` inside the stride.
@@ -151,12 +155,14 @@ impl StrideMeter {
             self.pitch_rate_integral_deg += p.pitch_rate_rad_s.to_degrees() * dt_s;
         }
         let (mut power_w, mut square_rad2) = (0.0, 0.0);
-        for (side, joint, j) in state.joints.iter() {
-            power_w += (j.torque_nm * j.velocity_rad_s).abs();
-            square_rad2 += (j.position_rad - self.rest.position_rad[(side, joint)]).powi(2);
+        for (joint, rest_rad) in &self.legs {
+            if let Some(j) = state.joints.get(*joint) {
+                power_w += (j.torque_nm * j.velocity_rad_s).abs();
+                square_rad2 += (j.position_rad - rest_rad).powi(2);
+            }
         }
         self.energy_j += power_w * dt_s;
-        self.deviation_square_integral_rad2_s += square_rad2 / 10.0 * dt_s;
+        self.deviation_square_integral_rad2_s += square_rad2 / self.legs.len().max(1) as f64 * dt_s;
         for foot in &state.feet {
             self.peak_foot_load_n = self.peak_foot_load_n.max(foot.load_n);
         }
@@ -234,7 +240,7 @@ mod tests {
     /// foot and − on the right; the yaw rate is mirrored alike. A new episode begins at zero.
     #[test]
     fn the_heading_goes_on_over_whole_turns_and_is_mirrored() {
-        let mut meter = StrideMeter::new(JointTargets::default(), 1.0);
+        let mut meter = StrideMeter::new(&RobotDescription::default(), &JointTargets::default());
         meter.begin_episode(&heading(30.0, 0.0));
         for k in 1..=4 {
             let stance = if k % 2 == 0 { Side::Left } else { Side::Right };

@@ -15,7 +15,7 @@ use stridemap_gait::Gait;
 use stridemap_returnmap::{
     ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
 };
-use stridemap_robot::{Robot, RobotError, RobotState, Side};
+use stridemap_robot::{JointTargets, Robot, RobotError, RobotState, Side};
 use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 
 use crate::error::LabError;
@@ -141,6 +141,7 @@ pub trait StrideObserver: Send {
 pub struct Plant {
     robot: Box<dyn Robot>,
     gait: Box<dyn Gait>,
+    targets: JointTargets,
     task: PlantTask,
     spec: ProcessSpec,
     detector: SectionDetector,
@@ -188,10 +189,11 @@ impl Plant {
     ) -> Result<Self, LabError> {
         let detector = SectionDetector::new(task.section)?;
         let law = ActionLaw::new(task.action.iter().map(|a| a.limits).collect())?;
-        let meter = StrideMeter::new(gait.rest(), robot.description().mass_kg);
+        let meter = StrideMeter::new(robot.description(), gait.rest());
         Ok(Self {
             robot,
             gait,
+            targets: JointTargets::default(),
             task,
             spec,
             detector,
@@ -342,9 +344,9 @@ impl Plant {
     /// One control period. Returns the section found in it.
     fn tick(&mut self) -> Result<Option<Crossing>, RobotError> {
         let dt_s = self.robot.description().control_period_s;
-        let targets = self.gait.targets(self.robot.state(), dt_s);
         let stance_before = self.detector.stance();
-        self.robot.step(&targets)?;
+        (self.gait).targets(self.robot.state(), dt_s, &mut self.targets);
+        self.robot.step(&self.targets)?;
         let crossing = self.detector.update(self.robot.state());
         let pendulum = self.detector.pendulum();
         self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
@@ -460,8 +462,8 @@ impl Plant {
         self.pending_push = None;
         self.push_until_s = None;
         self.push_force_n = None;
-        let rest = self.gait.rest();
-        self.first_com_height_m = self.robot.reset(&rest, rng)?.com.position_m[2];
+        let start = self.robot.reset(self.gait.rest(), rng)?;
+        self.first_com_height_m = start.com.position_m[2];
         self.meter.begin_episode(self.robot.state());
         self.in_place = InPlace::default();
         let mut sections = Vec::new();

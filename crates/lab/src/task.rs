@@ -7,7 +7,7 @@ use stridemap_gait::{Gait, GaitConfig};
 use stridemap_learn::{ActorCriticConfig, ConstantPolicy, SavedPolicy};
 use stridemap_mujoco::MujocoConfig;
 use stridemap_returnmap::{ActionDimension, ActionLimits, MapConfig, ProcessSpec, StateDimension};
-use stridemap_robot::{Robot, Ros2Config};
+use stridemap_robot::{Robot, RobotDescription, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::caution::CautionConfig;
@@ -271,7 +271,7 @@ impl Task {
             );
         }
         self.robot.validate()?;
-        self.gait()?;
+        self.gait(&self.robot.outline())?;
         self.section.validate()?;
         if self.state.is_empty() {
             return invalid("state".into(), "needs at least one component".into());
@@ -507,13 +507,13 @@ impl Task {
         })
     }
 
-    /// Builds the nominal gait.
+    /// Builds the nominal gait for a robot.
     ///
     /// # Errors
     ///
-    /// [`LabError::Gait`] for a configuration outside its domain; [`LabError::Invalid`] for a kind that is not
+    /// [`LabError::Gait`] for a configuration outside its domain, or a robot that lacks a joint which the gait moves; [`LabError::Invalid`] for a kind that is not
     /// in the registry.
-    pub fn gait(&self) -> Result<Box<dyn Gait>, LabError> {
+    pub fn gait(&self, robot: &RobotDescription) -> Result<Box<dyn Gait>, LabError> {
         (gaits().find(&self.gait.kind))
             .ok_or_else(|| {
                 let names: Vec<&str> = gaits().all().iter().map(|g| g.name).collect();
@@ -526,7 +526,7 @@ impl Task {
                     ),
                 })
             })
-            .and_then(|part| (part.build)(self))
+            .and_then(|part| (part.build)(self, robot))
     }
 
     /// The components of the action, resolved against the gait's modulations.
@@ -539,7 +539,7 @@ impl Task {
                 "needs at least one [[action]]".into(),
             ));
         }
-        let gait = self.gait()?;
+        let gait = self.gait(&self.robot.outline())?;
         let modulations = gait.modulations();
         let mut actions: Vec<PlantAction> = Vec::with_capacity(self.action.len());
         for (i, action) in self.action.iter().enumerate() {
@@ -722,6 +722,7 @@ impl Task {
             section: self.section,
             warm_up_strides: self.collect.warm_up_strides,
         };
-        Plant::new(robot, self.gait()?, self.process_spec()?, task)
+        let gait = self.gait(robot.description())?;
+        Plant::new(robot, gait, self.process_spec()?, task)
     }
 }

@@ -23,13 +23,13 @@ const REPEATS: usize = 9;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let config = MujocoConfig::default();
-    let rest = config.rest_targets();
     let mut robot = MujocoRobot::new(config.clone())?;
+    let rest = robot.description().rest();
     println!(
         "{:<10} {:>16} {:>16} {:>7}",
         "", "bare us/mj_step", "full us/mj_step", "ratio"
     );
-    row("standing", &mut robot, &rest, &vec![rest; PERIODS])?;
+    row("standing", &mut robot, &rest, &vec![rest.clone(); PERIODS])?;
     let stepping = record(&mut robot, &rest, config.control_period_s)?;
     row("stepping", &mut robot, &rest, &stepping)?;
     let mut build = Vec::new();
@@ -53,7 +53,7 @@ fn record(
     robot.reset(rest, &mut ChaCha8Rng::seed_from_u64(1))?;
     let mut commands = Vec::with_capacity(PERIODS);
     for _ in 0..PERIODS {
-        let targets = gait.targets(rest, robot.state(), period_s);
+        let targets = gait.targets(robot.description(), robot.state(), period_s);
         robot.step(&targets)?;
         commands.push(targets);
     }

@@ -192,9 +192,8 @@ pub(crate) struct Held {
 pub(crate) fn aside(
     model: &MjModel,
     data: &Data,
-    axes: &[&Axis],
+    axes: &[Axis],
     torso: usize,
-    legs: &[Axis],
     own_damping: bool,
 ) -> Result<Vec<Held>, MujocoError> {
     let bodies = own_bodies(model, torso);
@@ -219,7 +218,7 @@ pub(crate) fn aside(
         }
         let on_leg = dofs
             .iter()
-            .any(|dof| legs.iter().any(|axis| axis.dof == *dof));
+            .any(|dof| axes.iter().any(|axis| axis.of_leg && axis.dof == *dof));
         let refused = |problem: &str| MujocoError::StrayActuator {
             actuator: name_of(model, MjtObjBase::mjOBJ_ACTUATOR, a),
             problem: problem.into(),
@@ -263,11 +262,14 @@ impl MujocoRobot {
                 self.data.ctrl_mut()[held.ctrl] = held.per_length * length + held.offset;
             }
         }
-        let axes = self.binding.legs.iter().chain(&self.binding.others);
-        let servos = axes.filter_map(|axis| match axis.drive {
-            Drive::Servo { ctrl, act, .. } => Some((ctrl, act?)),
-            _ => None,
-        });
+        let servos = self
+            .binding
+            .axes
+            .iter()
+            .filter_map(|axis| match axis.drive {
+                Drive::Servo { ctrl, act, .. } => Some((ctrl, act?)),
+                _ => None,
+            });
         let held = self.held.iter().filter_map(|h| Some((h.ctrl, h.act?)));
         for (ctrl, act) in servos.chain(held).collect::<Vec<_>>() {
             let command = self.data.ctrl()[ctrl];

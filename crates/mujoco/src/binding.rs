@@ -2,7 +2,7 @@
 
 use mujoco_rs::prelude::MjModel;
 use mujoco_rs::wrappers::mj_model::{MjtJoint, MjtObjBase};
-use stridemap_robot::{LEG_JOINTS, Side};
+use stridemap_robot::{LEG_JOINTS, LegJoint, LegRole, Legs, Side};
 
 use crate::config::{LegMap, MujocoConfig, no_such_name};
 use crate::engine::{name_of, own_bodies};
@@ -43,23 +43,23 @@ pub(crate) struct Axis {
     pub qpos: usize,
     /// Index of its rate in `qvel`.
     pub dof: usize,
-    /// +1 if the model's axis agrees with Stridemap's, −1 if not.
-    pub sign: f64,
+    /// Whether it is a leg's, with the gains and limits of the legs.
+    pub of_leg: bool,
     /// How it is driven.
     pub drive: Drive,
     /// Its actuator in the model.
     pub actuator: Option<usize>,
-    /// Angle at rest, in the model's sign.
+    /// Angle at rest.
     pub rest_rad: f64,
 }
 
 /// Where everything is in one model.
 #[derive(Clone, Debug)]
 pub(crate) struct Binding {
-    /// The ten leg joints: left from the hip down, then right.
-    pub legs: [Axis; 10],
-    /// Other hinges and slides of the robot, held at rest.
-    pub others: Vec<Axis>,
+    /// The leg joints and every other hinge and slide of the robot, in the model's order.
+    pub axes: Vec<Axis>,
+    /// Which of them are leg joints.
+    pub legs: Legs<Option<LegRole>>,
     /// Root body.
     pub torso: usize,
     /// Index of the free joint in `qpos`.
@@ -89,7 +89,7 @@ impl Binding {
                 model
                     .name_to_id(MjtObjBase::mjOBJ_BODY, name)
                     .ok_or_else(|| {
-                        let field = format!("{}.foot", side_name(side));
+                        let field = format!("{}.foot", side.name());
                         let names = (0..model.nbody() as usize)
                             .filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_BODY, id));
                         no_such_name(field, "body", name, names)
@@ -119,8 +119,13 @@ impl Binding {
                 "left.foot and right.foot must be two bodies of one robot".into(),
             ));
         }
-        let legs = leg_axes(model, config)?;
-        let others = other_axes(model, config, torso, &legs)?;
+        let named = leg_joints(model, config)?;
+        let axes = axes(model, config, torso, &named)?;
+        let legs = Legs::from_fn(|side, joint| {
+            let (id, sign) = named[(side, joint)]?;
+            let joint = axes.iter().position(|axis| axis.joint == id)?;
+            Some(LegRole { joint, sign })
+        });
         let foot_of_geom = (0..model.ngeom() as usize)
             .map(|geom| foot_of(model, model.geom_bodyid()[geom] as usize, feet))
             .collect();
@@ -131,8 +136,8 @@ impl Binding {
             })
             .collect();
         Ok(Self {
+            axes,
             legs,
-            others,
             torso,
             root_qpos: model.jnt_qposadr()[root] as usize,
             root_dof: model.jnt_dofadr()[root] as usize,
@@ -151,8 +156,8 @@ impl Binding {
 
     /// Position actuators of the legs.
     pub(crate) fn servos(&self) -> Vec<usize> {
-        let servo = |axis: &Axis| matches!(axis.drive, Drive::Servo { .. });
-        let legs = self.legs.iter().filter(|axis| servo(axis));
+        let servo = |axis: &&Axis| axis.of_leg && matches!(axis.drive, Drive::Servo { .. });
+        let legs = self.axes.iter().filter(servo);
         legs.filter_map(|axis| axis.actuator).collect()
     }
 }
@@ -164,36 +169,33 @@ fn not_mapped(model: &MjModel, config: &MujocoConfig, side: Side) -> MujocoError
         .filter_map(|joint| model.id_to_name(MjtObjBase::mjOBJ_JOINT, joint))
         .collect();
     let has = match hinges[..] {
-        [] => "it has no hinges with names, and ten are needed".into(),
+        [] => "it has no hinges with names".into(),
         _ => format!("its hinges are {}", hinges.join(", ")),
     };
-    let side = side_name(side);
+    let side = side.name();
     MujocoError::NotABiped {
         model: config.model.to_string(),
         reason: format!(
             "robot.{side} is not given, and the names of the built-in biped are not in it; name its joints and foot \
              as {side} = {{ hip_roll = \"...\", hip_pitch = \"...\", knee = \"...\", ankle_pitch = \"...\", \
-             ankle_roll = \"...\", foot = \"...\" }}; {has}"
+             ankle_roll = \"...\" (where it has one, and hip_yaw), foot = \"...\" }}; {has}"
         ),
     }
 }
 
-/// "left" or "right", as in a task file.
-pub(crate) fn side_name(side: Side) -> &'static str {
-    match side {
-        Side::Left => "left",
-        Side::Right => "right",
-    }
-}
-
-/// The ten leg joints.
-fn leg_axes(model: &MjModel, config: &MujocoConfig) -> Result<[Axis; 10], MujocoError> {
-    let rest = config.rest_targets().position_rad;
-    let mut found: Vec<(String, Axis)> = Vec::with_capacity(10);
+/// The model's joint for each leg joint that the configuration names, and its sign.
+fn leg_joints(
+    model: &MjModel,
+    config: &MujocoConfig,
+) -> Result<Legs<Option<(usize, f64)>>, MujocoError> {
+    let mut named: Legs<Option<(usize, f64)>> = Legs::default();
+    let place = |side: Side, joint: LegJoint| format!("{}.{}", side.name(), joint.name());
     for side in Side::BOTH {
         for joint in LEG_JOINTS {
-            let (sign, name) = config.leg(side).joint(joint);
-            let field = format!("{}.{}", side_name(side), joint.name());
+            let Some((sign, name)) = config.leg(side).joint(joint) else {
+                continue;
+            };
+            let field = place(side, joint);
             let id = model
                 .name_to_id(MjtObjBase::mjOBJ_JOINT, name)
                 .ok_or_else(|| no_such_name(field.clone(), "joint", name, joint_names(model)))?;
@@ -201,86 +203,102 @@ fn leg_axes(model: &MjModel, config: &MujocoConfig) -> Result<[Axis; 10], Mujoco
                 let name = name.to_owned();
                 return Err(MujocoError::NotAHinge { field, name });
             }
-            if let Some((first, _)) = found.iter().find(|(_, axis)| axis.joint == id) {
+            let same = |at: &Option<(usize, f64)>| at.is_some_and(|(taken, _)| taken == id);
+            if let Some((s, j, _)) = named.iter().find(|(.., at)| same(at)) {
                 return Err(MujocoError::NamedTwice {
-                    first: first.clone(),
+                    first: place(s, j),
                     second: field,
                     name: name.into(),
                 });
             }
-            let axis = axis(model, id, sign, sign * rest[(side, joint)])?;
-            if !matches!(axis.drive, Drive::Servo { .. })
-                && (config.kp_nm_rad.is_none() || config.kv_nms_rad.is_none())
-            {
-                return Err(MujocoError::NoGains { joint: name.into() });
-            }
-            // A servo's own range is replaced by a limit of the user's.
-            if config.torque_limit_nm.is_none() || !matches!(axis.drive, Drive::Servo { .. }) {
-                actuators::torque_range(model, &axis)?;
-            }
-            found.push((field, axis));
+            named[(side, joint)] = Some((id, sign));
         }
     }
-    let axes: Vec<Axis> = found.into_iter().map(|(_, axis)| axis).collect();
-    axes.try_into().map_err(|_| MujocoError::NotABiped {
-        model: config.model.to_string(),
-        reason: "ten leg joints are needed".into(),
-    })
+    Ok(named)
 }
 
-/// Joints of the robot beyond the legs that can be held: hinges and slides.
-fn other_axes(
+/// Every joint of the robot that is driven or held: the leg joints, and all other hinges and slides.
+fn axes(
     model: &MjModel,
     config: &MujocoConfig,
     torso: usize,
-    legs: &[Axis],
+    named: &Legs<Option<(usize, f64)>>,
 ) -> Result<Vec<Axis>, MujocoError> {
     let bodies = own_bodies(model, torso);
-    let mut others = Vec::new();
-    for joint in 0..model.njnt() as usize {
-        let kind = model.jnt_type()[joint];
+    let mut axes = Vec::new();
+    for id in 0..model.njnt() as usize {
+        let kind = model.jnt_type()[id];
         let hinge = kind == MjtJoint::mjJNT_HINGE;
-        if !(hinge || kind == MjtJoint::mjJNT_SLIDE)
-            || legs.iter().any(|axis| axis.joint == joint)
-            || !bodies.contains(&(model.jnt_bodyid()[joint] as usize))
-        {
-            continue;
-        }
-        let reference = model.qpos0()[model.jnt_qposadr()[joint] as usize];
-        let given = model
-            .id_to_name(MjtObjBase::mjOBJ_JOINT, joint)
-            .filter(|_| hinge)
-            .and_then(|name| config.rest_deg.get(name));
-        let rest = given.map_or(reference, |deg| deg.to_radians());
-        others.push(axis(model, joint, 1.0, rest)?);
-    }
-    for name in config.rest_deg.keys() {
-        let leg = LEG_JOINTS.iter().any(|joint| joint.name() == name);
-        let id = model.name_to_id(MjtObjBase::mjOBJ_JOINT, name);
-        let held = |id: usize| {
-            model.jnt_type()[id] == MjtJoint::mjJNT_HINGE
-                && others.iter().any(|axis: &Axis| axis.joint == id)
+        let mut roles = named.iter();
+        let role =
+            roles.find_map(|(_, joint, at)| at.filter(|at| at.0 == id).map(|at| (joint, at.1)));
+        let own = bodies.contains(&(model.jnt_bodyid()[id] as usize));
+        let reference = model.qpos0()[model.jnt_qposadr()[id] as usize];
+        let rest_rad = match role {
+            Some((joint, sign)) => sign * config.rest_rad(joint),
+            None if own && hinge => (model.id_to_name(MjtObjBase::mjOBJ_JOINT, id))
+                .and_then(|name| config.rest_deg.get(name))
+                .map_or(reference, |deg| deg.to_radians()),
+            None if own && kind == MjtJoint::mjJNT_SLIDE => reference,
+            None => continue,
         };
-        if !leg && !id.is_some_and(held) {
-            let beyond = others
-                .iter()
-                .filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint));
-            let names = LEG_JOINTS.iter().map(|joint| joint.name()).chain(beyond);
-            let (field, what) = (format!("rest_deg.{name:?}"), "leg joint or further hinge");
-            return Err(no_such_name(field, what, name, names));
+        let axis = axis(model, id, role.is_some(), rest_rad)?;
+        if role.is_some() {
+            let servo = matches!(axis.drive, Drive::Servo { .. });
+            if !servo && (config.kp_nm_rad.is_none() || config.kv_nms_rad.is_none()) {
+                let joint = name_of(model, MjtObjBase::mjOBJ_JOINT, id);
+                return Err(MujocoError::NoGains { joint });
+            }
+            // A servo's own range is replaced by a limit of the user's.
+            if config.torque_limit_nm.is_none() || !servo {
+                actuators::torque_range(model, &axis)?;
+            }
         }
+        axes.push(axis);
     }
-    Ok(others)
+    check_rests(model, config, &axes, named)?;
+    Ok(axes)
+}
+
+/// An error for a rest angle of a joint that the robot does not have.
+fn check_rests(
+    model: &MjModel,
+    config: &MujocoConfig,
+    axes: &[Axis],
+    named: &Legs<Option<(usize, f64)>>,
+) -> Result<(), MujocoError> {
+    let beyond = axes
+        .iter()
+        .filter(|axis| !axis.of_leg && model.jnt_type()[axis.joint] == MjtJoint::mjJNT_HINGE)
+        .filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint));
+    let legs = named.iter().filter(|(.., at)| at.is_some());
+    let known: Vec<&str> = legs
+        .map(|(_, joint, _)| joint.name())
+        .chain(beyond)
+        .collect();
+    match config
+        .rest_deg
+        .keys()
+        .find(|name| !known.contains(&name.as_str()))
+    {
+        None => Ok(()),
+        Some(name) => Err(no_such_name(
+            format!("rest_deg.{name:?}"),
+            "leg joint or further hinge",
+            name,
+            known.into_iter(),
+        )),
+    }
 }
 
 /// One joint and how it is driven.
-fn axis(model: &MjModel, joint: usize, sign: f64, rest_rad: f64) -> Result<Axis, MujocoError> {
+fn axis(model: &MjModel, joint: usize, of_leg: bool, rest_rad: f64) -> Result<Axis, MujocoError> {
     let (drive, actuator) = actuators::drive(model, joint)?;
     Ok(Axis {
         joint,
         qpos: model.jnt_qposadr()[joint] as usize,
         dof: model.jnt_dofadr()[joint] as usize,
-        sign,
+        of_leg,
         drive,
         actuator,
         rest_rad,

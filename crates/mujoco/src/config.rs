@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{JointTargets, LegJoint, Legs, Side};
+use stridemap_robot::{
+    JointDescription, JointLimits, LegJoint, LegRole, Legs, RobotDescription, Side,
+};
 
 use crate::error::{MujocoError, nearest};
 use crate::hardware::HardwareConfig;
@@ -53,20 +55,30 @@ impl std::fmt::Display for ModelSource {
 /// The model's names for one leg.
 ///
 /// A minus before a joint's name says that the model's axis points against Stridemap's: hip pitch +
-/// swings the thigh forward, knee flexion is negative, ankle pitch + lifts the toes, rolls turn about +x.
+/// swings the thigh forward, knee flexion is negative, ankle pitch + lifts the toes, rolls turn about +x, yaws
+/// about +z. A joint that is left out, or `""` where a task that is extended names one, is none of the gait's: the
+/// robot may lack it, or hold it at rest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LegMap {
+    /// Joint that turns the hip about the vertical.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hip_yaw: Option<String>,
     /// Joint that rolls the hip.
-    pub hip_roll: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hip_roll: Option<String>,
     /// Joint that pitches the hip.
-    pub hip_pitch: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hip_pitch: Option<String>,
     /// Knee.
-    pub knee: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub knee: Option<String>,
     /// Joint that pitches the ankle.
-    pub ankle_pitch: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ankle_pitch: Option<String>,
     /// Joint that rolls the ankle.
-    pub ankle_roll: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ankle_roll: Option<String>,
     /// Body of the foot; bodies below it (toes) count as part of the foot.
     pub foot: String,
 }
@@ -75,17 +87,15 @@ impl LegMap {
     /// The names of the built-in biped.
     #[must_use]
     pub fn biped(side: Side) -> Self {
-        let prefix = match side {
-            Side::Left => "left",
-            Side::Right => "right",
-        };
-        let name = |part: &str| format!("{prefix}_{part}");
+        let name = |part: &str| format!("{}_{part}", side.name());
+        let joint = |joint: LegJoint| Some(name(joint.name()));
         Self {
-            hip_roll: name("hip_roll"),
-            hip_pitch: name("hip_pitch"),
-            knee: name("knee"),
-            ankle_pitch: name("ankle_pitch"),
-            ankle_roll: name("ankle_roll"),
+            hip_yaw: None,
+            hip_roll: joint(LegJoint::HipRoll),
+            hip_pitch: joint(LegJoint::HipPitch),
+            knee: joint(LegJoint::Knee),
+            ankle_pitch: joint(LegJoint::AnklePitch),
+            ankle_roll: joint(LegJoint::AnkleRoll),
             foot: name("foot"),
         }
     }
@@ -99,16 +109,17 @@ impl LegMap {
             Side::Right => ("r", "", "-"),
         };
         Self {
-            hip_roll: format!("-{prefix}_hip_roll"),
-            hip_pitch: format!("{left}{prefix}_hip_pitch"),
-            knee: format!("{left}{prefix}_knee"),
-            ankle_pitch: format!("{right}{prefix}_ank_pitch"),
-            ankle_roll: format!("{prefix}_ank_roll"),
+            hip_yaw: None,
+            hip_roll: Some(format!("-{prefix}_hip_roll")),
+            hip_pitch: Some(format!("{left}{prefix}_hip_pitch")),
+            knee: Some(format!("{left}{prefix}_knee")),
+            ankle_pitch: Some(format!("{right}{prefix}_ank_pitch")),
+            ankle_roll: Some(format!("{prefix}_ank_roll")),
             foot: format!("{prefix}_ank_roll_link"),
         }
     }
 
-    /// Sign (+1 or −1) and name of a joint.
+    /// Sign (+1 or −1) and name of a joint; `None` if the map names none.
     ///
     /// # Example
     ///
@@ -116,23 +127,26 @@ impl LegMap {
     /// use stridemap_mujoco::LegMap;
     /// use stridemap_robot::{LegJoint, Side};
     ///
-    /// let map = LegMap { knee: "-kneeL".into(), ..LegMap::biped(Side::Left) };
-    /// assert_eq!(map.joint(LegJoint::Knee), (-1.0, "kneeL"));
-    /// assert_eq!(map.joint(LegJoint::HipRoll), (1.0, "left_hip_roll"));
+    /// let map = LegMap { knee: Some("-kneeL".into()), ..LegMap::biped(Side::Left) };
+    /// assert_eq!(map.joint(LegJoint::Knee), Some((-1.0, "kneeL")));
+    /// assert_eq!(map.joint(LegJoint::HipRoll), Some((1.0, "left_hip_roll")));
+    /// assert_eq!(map.joint(LegJoint::HipYaw), None);
     /// ```
     #[must_use]
-    pub fn joint(&self, joint: LegJoint) -> (f64, &str) {
+    pub fn joint(&self, joint: LegJoint) -> Option<(f64, &str)> {
         let name = match joint {
+            LegJoint::HipYaw => &self.hip_yaw,
             LegJoint::HipRoll => &self.hip_roll,
             LegJoint::HipPitch => &self.hip_pitch,
             LegJoint::Knee => &self.knee,
             LegJoint::AnklePitch => &self.ankle_pitch,
             LegJoint::AnkleRoll => &self.ankle_roll,
         };
-        match name.strip_prefix('-') {
+        let name = name.as_deref().filter(|name| !name.is_empty())?;
+        Some(match name.strip_prefix('-') {
             Some(rest) => (-1.0, rest.trim_start()),
             None => (1.0, name),
-        }
+        })
     }
 }
 
@@ -243,7 +257,19 @@ impl MujocoConfig {
         }
     }
 
-    /// The rest posture of the legs.
+    /// Angle of a leg joint at rest, in Stridemap's sign.
+    pub(crate) fn rest_rad(&self, joint: LegJoint) -> f64 {
+        let default_deg = match joint {
+            LegJoint::HipPitch | LegJoint::AnklePitch => 20.0,
+            LegJoint::Knee => -40.0,
+            LegJoint::HipYaw | LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
+        };
+        let given = self.rest_deg.get(joint.name()).copied();
+        given.unwrap_or(default_deg).to_radians()
+    }
+
+    /// What can be said of the robot without its model: its leg joints by name and role, and their rest angles. Limits,
+    /// mass and the joints beyond the legs are those of [`MujocoRobot`](crate::MujocoRobot).
     ///
     /// # Example
     ///
@@ -253,22 +279,31 @@ impl MujocoConfig {
     ///
     /// let mut config = MujocoConfig::default();
     /// config.rest_deg.insert("knee".into(), -30.0);
-    /// let rest = config.rest_targets().position_rad;
-    /// assert_eq!(rest[(Side::Left, LegJoint::Knee)], (-30.0_f64).to_radians());
-    /// assert_eq!(rest[(Side::Right, LegJoint::HipPitch)], 20.0_f64.to_radians());
+    /// config.left.ankle_roll = None;
+    /// let robot = config.outline();
+    /// assert_eq!(robot.joints.len(), 9);
+    /// let knee = &robot.joints[robot.legs[(Side::Left, LegJoint::Knee)].unwrap().joint];
+    /// assert_eq!((knee.name.as_str(), knee.rest_rad), ("left_knee", (-30.0_f64).to_radians()));
     /// ```
     #[must_use]
-    pub fn rest_targets(&self) -> JointTargets {
-        JointTargets {
-            position_rad: Legs::from_fn(|_, joint| {
-                let default_deg = match joint {
-                    LegJoint::HipPitch | LegJoint::AnklePitch => 20.0,
-                    LegJoint::Knee => -40.0,
-                    LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
-                };
-                let given = self.rest_deg.get(joint.name()).copied();
-                given.unwrap_or(default_deg).to_radians()
-            }),
+    pub fn outline(&self) -> RobotDescription {
+        let mut joints = Vec::new();
+        let legs = Legs::from_fn(|side, joint| {
+            let (sign, name) = self.leg(side).joint(joint)?;
+            joints.push(JointDescription {
+                name: name.to_owned(),
+                limits: JointLimits::default(),
+                rest_rad: sign * self.rest_rad(joint),
+            });
+            let joint = joints.len() - 1;
+            Some(LegRole { joint, sign })
+        });
+        RobotDescription {
+            name: self.model.to_string(),
+            control_period_s: self.control_period_s,
+            mass_kg: 0.0,
+            joints,
+            legs,
         }
     }
 

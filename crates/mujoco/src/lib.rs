@@ -29,6 +29,6 @@ pub use config::{LegMap, ModelSource, MujocoConfig};
 pub use engine::{BIPED_XML, OP3_XML, compiled, mujoco_version, sha256};
 pub use error::MujocoError;
 pub use hardware::HardwareConfig;
-pub use machine::{SimulatedMachine, estimator, joints_at_rest, kinematic_model};
+pub use machine::{SimulatedMachine, estimator, kinematic_model};
 pub use report::{ActuatorKind, JointReport};
 pub use robot::{MujocoRobot, Provenance, Snapshot};

@@ -8,17 +8,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_robot::kinematics::about;
 use stridemap_robot::{
-    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointMap, JointState, JointTargets,
-    KinematicModel, Legs, Machine, MachineDescription, Pose, Robot, RobotError, RobotState,
-    SensorFrame, Shape, check_command,
+    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointTargets, KinematicModel, Machine,
+    MachineDescription, Pose, Robot, RobotError, RobotState, SensorFrame, Shape, check_command,
 };
 
-use crate::binding::{Axis, Binding};
+use crate::binding::Binding;
 use crate::config::MujocoConfig;
 use crate::engine::{allocation, name_of, own_bodies};
 use crate::error::MujocoError;
 use crate::hardware::{HardwareConfig, Individual};
-use crate::robot::{MujocoRobot, limits};
+use crate::robot::MujocoRobot;
 use crate::rotation::{product, turn};
 use crate::sole;
 use crate::store::load;
@@ -61,21 +60,9 @@ impl SimulatedMachine {
                 MujocoRobot::new(hardware.body_of(&ideal))?
             }
         };
-        let axes = robot.axes_by_joint();
-        let joint_names = axes
-            .iter()
-            .map(|axis| name_of(&robot.model, MjtObjBase::mjOBJ_JOINT, axis.joint))
-            .collect::<Vec<_>>();
-        let limits = axes
-            .iter()
-            .map(|axis| {
-                let own = Axis {
-                    sign: 1.0,
-                    ..(*axis).clone()
-                };
-                limits(&robot.model, &own, &robot.config, robot.limit_of(axis))
-            })
-            .collect();
+        let joints = &robot.description().joints;
+        let joint_names: Vec<_> = joints.iter().map(|joint| joint.name.clone()).collect();
+        let limits = joints.iter().map(|joint| joint.limits).collect();
         let hardware = config
             .hardware
             .clone()
@@ -131,8 +118,7 @@ impl Machine for SimulatedMachine {
         rng: &mut ChaCha8Rng,
     ) -> Result<&SensorFrame, RobotError> {
         check_command(command_rad, &self.description.joint_names)?;
-        let posture = self.robot.legs_of_all(command_rad);
-        self.robot.command_others(command_rad);
+        let posture = JointTargets::positions(command_rad.iter().copied());
         self.robot.reset(&posture, rng)?;
         self.acting = command_rad.to_vec();
         let (command_delay, sensor_delay) = match &self.hardware {
@@ -172,10 +158,8 @@ impl Machine for SimulatedMachine {
         if let Some(next) = self.commands.pop_front() {
             self.acting = next;
         }
-        let acting = std::mem::take(&mut self.acting);
-        let stepped = self.robot.step_all(&acting).map(|_| ());
-        self.acting = acting;
-        stepped?;
+        let targets = JointTargets::positions(self.acting.iter().copied());
+        self.robot.step(&targets)?;
         let mut read = self.read();
         let now_s = read.time_s;
         if let Some(oldest) = self.readings.pop_front() {
@@ -210,60 +194,12 @@ impl Machine for SimulatedMachine {
 }
 
 impl MujocoRobot {
-    /// Every driven joint, in the order of the model.
-    fn axes_by_joint(&self) -> Vec<&Axis> {
-        let mut axes: Vec<&Axis> = (self.binding.legs.iter())
-            .chain(&self.binding.others)
-            .collect();
-        axes.sort_by_key(|axis| axis.joint);
-        axes
-    }
-
-    /// Position of each joint of the model among the driven ones.
-    fn rank_of(&self, axis: &Axis) -> usize {
-        let legs = self.binding.legs.iter().chain(&self.binding.others);
-        legs.filter(|other| other.joint < axis.joint).count()
-    }
-
-    /// The legs of a command of every joint.
-    fn legs_of_all(&self, command_rad: &[f64]) -> JointTargets {
-        JointTargets {
-            position_rad: Legs::from_fn(|side, joint| {
-                let axis = &self.binding.legs[5 * side.index() + joint.index()];
-                axis.sign * command_rad[self.rank_of(axis)]
-            }),
-        }
-    }
-
-    /// Commands the joints beyond the legs.
-    fn command_others(&mut self, command_rad: &[f64]) {
-        let rests: Vec<f64> = (self.binding.others.iter())
-            .map(|axis| command_rad[self.rank_of(axis)])
-            .collect();
-        self.hold_others(&rests);
-    }
-
-    /// One control period with a command for every joint.
-    fn step_all(&mut self, command_rad: &[f64]) -> Result<&RobotState, RobotError> {
-        self.command_others(command_rad);
-        let targets = self.legs_of_all(command_rad);
-        self.step(&targets)
-    }
-
     /// What perfect sensors would say.
     fn true_frame(&self) -> SensorFrame {
-        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
-        let (actuator, applied) = (self.data.qfrc_actuator(), self.data.qfrc_applied());
         let state = self.state();
         SensorFrame {
             time_s: state.time_s,
-            joints: (self.axes_by_joint().iter())
-                .map(|axis| JointState {
-                    position_rad: qpos[axis.qpos],
-                    velocity_rad_s: qvel[axis.dof],
-                    torque_nm: actuator[axis.dof] + applied[axis.dof],
-                })
-                .collect(),
+            joints: state.joints.clone(),
             orientation: state.base.orientation,
             angular_velocity_rad_s: state.base.angular_velocity_rad_s,
             loads_n: [state.feet[0].load_n, state.feet[1].load_n],
@@ -279,6 +215,11 @@ impl MujocoRobot {
 /// [`MujocoError`] if the model cannot be loaded, a name is not in it, or a body has a joint that is no hinge
 /// or more than one.
 pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoError> {
+    kinematics(config).map(|(model, _)| model)
+}
+
+/// The kinematic model, and where its joints are in the simulator's.
+fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), MujocoError> {
     let model = load(&config.model)?;
     let binding = Binding::find(&model, config)?;
     let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
@@ -289,10 +230,6 @@ pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoEr
         reason,
     };
     let owned = own_bodies(&model, binding.torso);
-    let mut driven: Vec<usize> = (binding.legs.iter().chain(&binding.others))
-        .map(|axis| axis.joint)
-        .collect();
-    driven.sort_unstable();
     let place = |body: usize| owned.iter().position(|&b| b == body).unwrap_or(0);
     let mut bodies = Vec::with_capacity(owned.len());
     for &body in &owned {
@@ -302,9 +239,8 @@ pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoEr
         let hinge = match joints[..] {
             [] => None,
             [joint] if model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE => Some(Hinge {
-                joint: driven
-                    .iter()
-                    .position(|&j| j == joint)
+                joint: (binding.axes.iter())
+                    .position(|axis| axis.joint == joint)
                     .unwrap_or(usize::MAX),
                 axis: model.jnt_axis()[joint],
                 anchor_m: model.jnt_pos()[joint],
@@ -346,54 +282,23 @@ pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoEr
         body: place(binding.feet[side]),
         point_m: robot_soles[side].centre_m,
     });
-    KinematicModel::new(driven.len(), bodies, soles).map_err(|e| not_a_biped(e.to_string()))
+    let kinematics = KinematicModel::new(binding.axes.len(), bodies, soles)
+        .map_err(|e| not_a_biped(e.to_string()))?;
+    Ok((kinematics, binding))
 }
 
-/// Names of all joints of a configuration's robot, in the model's order, with the angle at which each is
-/// held at rest (the model's sign).
-///
-/// # Errors
-///
-/// As [`kinematic_model`].
-pub fn joints_at_rest(config: &MujocoConfig) -> Result<Vec<(String, f64)>, MujocoError> {
-    let model = load(&config.model)?;
-    let binding = Binding::find(&model, config)?;
-    let mut axes: Vec<&Axis> = binding.legs.iter().chain(&binding.others).collect();
-    axes.sort_by_key(|axis| axis.joint);
-    Ok(axes
-        .iter()
-        .map(|a| {
-            let name = name_of(&model, MjtObjBase::mjOBJ_JOINT, a.joint);
-            (name, a.rest_rad)
-        })
-        .collect())
-}
-
-/// An estimator for a configuration's robot. `offset_rad` gives, per joint of the machine, its angle where the
-/// model's is zero: 0 for a machine that is zeroed as its model is.
+/// An estimator for a configuration's robot, whose machine is zeroed as its model is.
 ///
 /// # Errors
 ///
 /// As [`kinematic_model`].
 pub fn estimator(config: &MujocoConfig) -> Result<Estimator, MujocoError> {
-    let rest = joints_at_rest(config)?;
-    let names: Vec<String> = rest.iter().map(|(name, _)| name.clone()).collect();
-    let held = |name: &str| {
-        let at = rest.iter().find(|(n, _)| n == name);
-        at.map_or(0.0, |(_, angle)| *angle)
-    };
-    let broken = |e: RobotError| MujocoError::NotABiped {
+    let (model, binding) = kinematics(config)?;
+    let rest_rad = binding.axes.iter().map(|axis| axis.rest_rad).collect();
+    Estimator::new(model, binding.legs, rest_rad).map_err(|e| MujocoError::NotABiped {
         model: config.model.to_string(),
         reason: e.to_string(),
-    };
-    let map = JointMap::find(
-        &names,
-        |side, joint| config.leg(side).joint(joint),
-        |_| 0.0,
-        held,
-    )
-    .map_err(broken)?;
-    Estimator::new(kinematic_model(config)?, map).map_err(broken)
+    })
 }
 
 impl MujocoConfig {

@@ -2,12 +2,11 @@
 //! conventions. (Not of the rest posture: there one wrong sign would turn the axes of the joints below it.)
 
 use mujoco_rs::prelude::MjData;
-use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{LEG_JOINTS, LegJoint, Side};
+use stridemap_robot::{LegJoint, LegRole, Robot, Side};
 
 use crate::binding::Drive;
-use crate::engine::{allocation, name_of};
+use crate::engine::allocation;
 use crate::error::MujocoError;
 use crate::robot::MujocoRobot;
 use crate::rotation::to_world;
@@ -72,7 +71,7 @@ impl MujocoRobot {
     /// use stridemap_mujoco::{MujocoConfig, MujocoRobot};
     ///
     /// let mut config = MujocoConfig::default();
-    /// config.left.knee = "-left_knee".into();
+    /// config.left.knee = Some("-left_knee".into());
     /// let report = MujocoRobot::new(config)?.joint_report()?;
     /// let wrong: Vec<_> = report.iter().filter(|joint| joint.problem.is_some()).collect();
     /// assert_eq!(wrong.len(), 1);
@@ -82,54 +81,45 @@ impl MujocoRobot {
     pub fn joint_report(&self) -> Result<Vec<JointReport>, MujocoError> {
         let model = &self.model;
         let mut data = MjData::try_new(std::sync::Arc::clone(model)).map_err(allocation)?;
-        let mut reports = Vec::with_capacity(10);
-        for side in Side::BOTH {
-            for joint in LEG_JOINTS {
-                let axis = &self.binding.legs[5 * side.index() + joint.index()];
-                let reference = model.qpos0()[axis.qpos];
-                let mut pose_at = |angle: f64| {
-                    data.qpos_mut()[axis.qpos] = angle;
-                    data.kinematics();
-                    let foot = self.binding.feet[side.index()];
-                    let sole = to_world(&data.xmat()[foot], self.soles[side.index()].centre_m);
-                    let origin = data.xpos()[foot];
-                    ([0, 1, 2].map(|i| origin[i] + sole[i]), data.xmat()[foot])
-                };
-                let (after, turned) = pose_at(reference + axis.sign * STEP_RAD);
-                let (before, rotation) = pose_at(reference - axis.sign * STEP_RAD);
-                pose_at(reference);
-                let sole_m_per_rad = [0, 1, 2].map(|i| (after[i] - before[i]) / (2.0 * STEP_RAD));
-                let turn_axis = turn_between(&rotation, &turned);
-                let limits = self.limits_of(side, joint);
-                let rest_deg = (axis.sign * axis.rest_rad).to_degrees();
-                let range_deg = limits.map(f64::to_degrees);
-                reports.push(JointReport {
-                    side,
-                    joint,
-                    model_joint: name_of(model, MjtObjBase::mjOBJ_JOINT, axis.joint),
-                    inverted: axis.sign < 0.0,
-                    actuator: match axis.drive {
-                        Drive::Servo { .. } => ActuatorKind::PositionServo,
-                        Drive::Motor { .. } => ActuatorKind::TorqueMotor,
-                        Drive::Applied => ActuatorKind::None,
-                    },
-                    axis: turn_axis,
-                    sole_m_per_rad,
-                    range_deg,
-                    rest_deg,
-                    problem: problem(joint, turn_axis, rest_deg, range_deg),
-                });
-            }
+        let mut reports = Vec::new();
+        for (side, joint, LegRole { joint: at, sign }) in self.binding.legs.roles() {
+            let axis = &self.binding.axes[at];
+            let reference = model.qpos0()[axis.qpos];
+            let mut pose_at = |angle: f64| {
+                data.qpos_mut()[axis.qpos] = angle;
+                data.kinematics();
+                let foot = self.binding.feet[side.index()];
+                let sole = to_world(&data.xmat()[foot], self.soles[side.index()].centre_m);
+                let origin = data.xpos()[foot];
+                ([0, 1, 2].map(|i| origin[i] + sole[i]), data.xmat()[foot])
+            };
+            let (after, turned) = pose_at(reference + sign * STEP_RAD);
+            let (before, rotation) = pose_at(reference - sign * STEP_RAD);
+            pose_at(reference);
+            let turn_axis = turn_between(&rotation, &turned);
+            let own = &self.description().joints[at];
+            let [a, b] = [own.limits.lower_rad, own.limits.upper_rad].map(|end| sign * end);
+            let range_deg = [a.min(b), a.max(b)].map(f64::to_degrees);
+            let rest_deg = (sign * axis.rest_rad).to_degrees();
+            reports.push(JointReport {
+                side,
+                joint,
+                model_joint: own.name.clone(),
+                inverted: sign < 0.0,
+                actuator: match axis.drive {
+                    Drive::Servo { .. } => ActuatorKind::PositionServo,
+                    Drive::Motor { .. } => ActuatorKind::TorqueMotor,
+                    Drive::Applied => ActuatorKind::None,
+                },
+                axis: turn_axis,
+                sole_m_per_rad: [0, 1, 2].map(|i| (after[i] - before[i]) / (2.0 * STEP_RAD)),
+                range_deg,
+                rest_deg,
+                problem: problem(joint, turn_axis, rest_deg, range_deg),
+            });
         }
         self.check_sides(&mut reports);
         Ok(reports)
-    }
-
-    /// Range of a joint in Stridemap's sign.
-    fn limits_of(&self, side: Side, joint: LegJoint) -> [f64; 2] {
-        use stridemap_robot::Robot;
-        let limits = self.description().limits[(side, joint)];
-        [limits.lower_rad, limits.upper_rad]
     }
 
     /// Notes that left and right are exchanged, where they are.
@@ -178,8 +168,9 @@ fn turn_between(from: &[f64; 9], to: &[f64; 9]) -> [f64; 3] {
 
 /// What is implausible about one joint.
 fn problem(joint: LegJoint, axis: [f64; 3], rest_deg: f64, range_deg: [f64; 2]) -> Option<String> {
-    // Rolls turn about +x; pitches about -y, which swings the foot forward and lifts the toes.
+    // Yaws turn about +z, rolls about +x; pitches about -y, which swings the foot forward and lifts the toes.
     let (along, meaning) = match joint {
+        LegJoint::HipYaw => (axis[2], "turns about +z, the toes to the left"),
         LegJoint::HipRoll | LegJoint::AnkleRoll => (axis[0], "turns about +x"),
         LegJoint::HipPitch => (-axis[1], "swings the thigh forward"),
         LegJoint::Knee => (-axis[1], "stretches the knee (flexion is negative)"),

@@ -5,17 +5,18 @@ use std::time::{Duration, Instant};
 
 use mujoco_rs::prelude::{MjData, MjModel};
 use mujoco_rs::wrappers::mj_data::{MjtState, MjtWarning};
+use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use stridemap_robot::{
-    BaseState, CentreOfMass, FootState, JointLimits, JointTargets, Legs, Pose, Robot,
-    RobotDescription, RobotError, RobotState, Shape, Side,
+    BaseState, CentreOfMass, FootState, JointCommand, JointDescription, JointLimits, JointState,
+    JointTargets, Pose, Robot, RobotDescription, RobotError, RobotState, Shape, Side,
 };
 
 use crate::actuators::{self, Held};
 use crate::binding::{Axis, Binding, Drive, torque_limit};
 use crate::config::{MujocoConfig, steps_per_period};
-use crate::engine::{Data, Places, allocation, apply, hash, mujoco_version, take_warning};
+use crate::engine::{Data, Places, allocation, apply, hash, mujoco_version, name_of, take_warning};
 use crate::error::MujocoError;
 use crate::rotation::{about_y, inverse, product, to_world, turn};
 use crate::sole::{self, Sole};
@@ -32,14 +33,14 @@ const HOLD_RAD_S: f64 = 40.0;
 /// A PD law on one joint.
 #[derive(Clone, Copy, Debug)]
 struct Law {
-    /// Stiffness.
+    /// Stiffness where the controller names none.
     kp: f64,
-    /// Damping.
+    /// Damping where the controller names none.
     kv: f64,
     /// Largest torque, either way.
     limit: f64,
-    /// Desired angle, in the model's sign.
-    target: f64,
+    /// What is asked of it.
+    asked: JointCommand,
 }
 
 /// A biped simulated by MuJoCo.
@@ -47,7 +48,10 @@ struct Law {
 /// Positions, velocities and the feet's places are those at the end of the control period; contact forces
 /// (foot loads, centre of pressure) and torques are those of its last physics step. Heights are above the
 /// floor. The base is the body with the free joint, its axes those of the world in the model's reference
-/// posture.
+/// posture. The joints are the model's, in its order and signs: those of the legs, and every other hinge and slide.
+///
+/// A joint with a motor or without an actuator takes gains, a rate and a torque ([`JointCommand`]); one with a position
+/// servo of the model's takes angles, and refuses the rest by name.
 ///
 /// # Example
 ///
@@ -56,9 +60,8 @@ struct Law {
 /// use stridemap_mujoco::{MujocoConfig, MujocoRobot};
 /// use stridemap_robot::Robot;
 ///
-/// let config = MujocoConfig::default();
-/// let rest = config.rest_targets();
-/// let mut robot = MujocoRobot::new(config)?;
+/// let mut robot = MujocoRobot::new(MujocoConfig::default())?;
+/// let rest = robot.description().rest();
 /// robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
 /// for _ in 0..250 {
 ///     robot.step(&rest)?;
@@ -78,7 +81,7 @@ pub struct MujocoRobot {
     pub(crate) held: Vec<Held>,
     description: RobotDescription,
     steps_per_period: usize,
-    /// PD laws of the legs and then of the other joints; those of servos are not used.
+    /// PD laws of the joints; those of servos are not used.
     laws: Vec<Law>,
     /// Whether any joint is under a PD law of ours.
     has_laws: bool,
@@ -142,15 +145,17 @@ impl MujocoRobot {
         data.forward();
         let name = config.model.to_string();
         let soles = sole::find(&model, &data, &binding, &name)?;
-        let axes: Vec<&Axis> = binding.legs.iter().chain(&binding.others).collect();
         let damped = config.kv_nms_rad.is_some();
-        let held = actuators::aside(&model, &data, &axes, binding.torso, &binding.legs, damped)?;
+        let held = actuators::aside(&model, &data, &binding.axes, binding.torso, damped)?;
         let laws = laws(&model, &config, &binding);
         let mass_kg = model.body_subtreemass()[binding.torso];
-        let limits = Legs::from_fn(|side, joint| {
-            let index = 5 * side.index() + joint.index();
-            limits(&model, &binding.legs[index], &config, laws[index].limit)
-        });
+        let joints = (binding.axes.iter().zip(&laws))
+            .map(|(axis, law)| JointDescription {
+                name: name_of(&model, MjtObjBase::mjOBJ_JOINT, axis.joint),
+                limits: limits(&model, axis, &config, law.limit),
+                rest_rad: axis.rest_rad,
+            })
+            .collect();
         let q0 = &model.qpos0()[binding.root_qpos + 3..binding.root_qpos + 7];
         let q0 = [q0[0], q0[1], q0[2], q0[3]];
         let turned = q0[1..].iter().any(|v| v.abs() > 1e-12);
@@ -160,13 +165,17 @@ impl MujocoRobot {
                 name,
                 control_period_s: config.control_period_s,
                 mass_kg,
-                limits,
+                joints,
+                legs: binding.legs,
             },
             steps_per_period,
-            has_laws: !binding.legs.iter().chain(&binding.others).all(servo),
+            has_laws: !binding.axes.iter().all(servo),
             laws,
             base_inverse: turned.then(|| inverse(q0)),
-            state: RobotState::default(),
+            state: RobotState {
+                joints: vec![JointState::default(); binding.axes.len()],
+                ..RobotState::default()
+            },
             periods: 0,
             warnings: [0; WARNINGS],
             failure: None,
@@ -257,12 +266,24 @@ impl MujocoRobot {
         Ok(())
     }
 
+    /// Refuses targets that the joints cannot take, naming the first.
+    fn check(&self, targets: &JointTargets) -> Result<(), RobotError> {
+        self.description.check(targets)?;
+        for (at, (axis, asked)) in self.binding.axes.iter().zip(&targets.joints).enumerate() {
+            if let (Drive::Servo { .. }, Some(what)) = (axis.drive, asked.beyond_position()) {
+                let joint = self.description.joints[at].name.clone();
+                return Err(RobotError::JointCannot { joint, what });
+            }
+        }
+        Ok(())
+    }
+
     /// Hands the targets to servos and PD laws.
     pub(crate) fn command(&mut self, targets: &JointTargets) {
         let ctrl = self.data.ctrl_mut();
-        let flat = targets.position_rad.values.iter().flatten();
-        for ((axis, law), target) in self.binding.legs.iter().zip(&mut self.laws).zip(flat) {
-            law.target = axis.sign * target;
+        let laws = self.laws.iter_mut().zip(&targets.joints);
+        for (axis, (law, asked)) in self.binding.axes.iter().zip(laws) {
+            law.asked = *asked;
             if let Drive::Servo {
                 ctrl: index,
                 per_rad,
@@ -270,48 +291,22 @@ impl MujocoRobot {
                 ..
             } = axis.drive
             {
-                ctrl[index] = per_rad * law.target + offset;
+                ctrl[index] = per_rad * asked.position_rad + offset;
             }
-        }
-        for axis in &self.binding.others {
-            if let Drive::Servo {
-                ctrl: index,
-                per_rad,
-                offset,
-                ..
-            } = axis.drive
-            {
-                ctrl[index] = per_rad * axis.rest_rad + offset;
-            }
-        }
-    }
-
-    /// Torque limit of a driven joint.
-    pub(crate) fn limit_of(&self, axis: &Axis) -> f64 {
-        let axes = self.binding.legs.iter().chain(&self.binding.others);
-        let law = axes.zip(&self.laws).find(|(a, _)| a.joint == axis.joint);
-        law.map_or(f64::INFINITY, |(_, law)| law.limit)
-    }
-
-    /// Sets the angles at which the joints beyond the legs are held from now on, in the order of the
-    /// binding and the model's sign.
-    pub(crate) fn hold_others(&mut self, angles_rad: &[f64]) {
-        let laws = &mut self.laws[self.binding.legs.len()..];
-        for ((axis, law), angle) in self.binding.others.iter_mut().zip(laws).zip(angles_rad) {
-            axis.rest_rad = *angle;
-            law.target = *angle;
         }
     }
 
     /// Computes the torques of our own PD laws from the present angles and rates.
     fn drive(&mut self) {
-        let axes = self.binding.legs.iter().chain(&self.binding.others);
-        for (axis, law) in axes.zip(&self.laws) {
+        for (axis, law) in self.binding.axes.iter().zip(&self.laws) {
             if matches!(axis.drive, Drive::Servo { .. }) {
                 continue;
             }
-            let error = law.target - self.data.qpos()[axis.qpos];
-            let torque = law.kp * error - law.kv * self.data.qvel()[axis.dof];
+            let asked = &law.asked;
+            let (kp, kd) = (asked.kp.unwrap_or(law.kp), asked.kd.unwrap_or(law.kv));
+            let error = asked.position_rad - self.data.qpos()[axis.qpos];
+            let rate_error = asked.velocity_rad_s - self.data.qvel()[axis.dof];
+            let torque = kp * error + kd * rate_error + asked.torque_nm;
             let torque = torque.clamp(-law.limit, law.limit);
             match axis.drive {
                 Drive::Motor { ctrl, ctrl_per_nm } => {
@@ -355,9 +350,8 @@ impl MujocoRobot {
         self.state.feet[1].load_n = load[1];
         self.state.cop_m = (total > 0.0).then(|| moment.map(|m| m / total));
         let (actuator, applied) = (self.data.qfrc_actuator(), self.data.qfrc_applied());
-        let joints = self.state.joints.values.iter_mut().flatten();
-        for (joint, axis) in joints.zip(&self.binding.legs) {
-            joint.torque_nm = axis.sign * (actuator[axis.dof] + applied[axis.dof]);
+        for (joint, axis) in self.state.joints.iter_mut().zip(&self.binding.axes) {
+            joint.torque_nm = actuator[axis.dof] + applied[axis.dof];
         }
     }
 
@@ -367,10 +361,9 @@ impl MujocoRobot {
         let floor_m = self.floor_m;
         let above_floor = |[x, y, z]: [f64; 3]| [x, y, z - floor_m];
         let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
-        let joints = self.state.joints.values.iter_mut().flatten();
-        for (joint, axis) in joints.zip(&self.binding.legs) {
-            joint.position_rad = axis.sign * qpos[axis.qpos];
-            joint.velocity_rad_s = axis.sign * qvel[axis.dof];
+        for (joint, axis) in self.state.joints.iter_mut().zip(&self.binding.axes) {
+            joint.position_rad = qpos[axis.qpos];
+            joint.velocity_rad_s = qvel[axis.dof];
         }
         let (q, v) = (self.binding.root_qpos, self.binding.root_dof + 3);
         let mut base = BaseState {
@@ -464,7 +457,7 @@ impl Robot for MujocoRobot {
         posture: &JointTargets,
         rng: &mut ChaCha8Rng,
     ) -> Result<&RobotState, RobotError> {
-        posture.check_finite()?;
+        self.check(posture)?;
         self.data.reset();
         self.failure = None;
         self.periods = 0;
@@ -472,12 +465,14 @@ impl Robot for MujocoRobot {
         self.command(posture);
         let angle_noise = noise(self.config.start_joint_noise_deg.to_radians());
         let velocity_noise = noise(self.config.start_velocity_noise_m_s);
-        for (axis, law) in self.binding.legs.iter().zip(&self.laws) {
-            let disturbance = angle_noise.map_or(0.0, |n| n.sample(rng));
-            self.data.qpos_mut()[axis.qpos] = law.target + disturbance;
+        for (axis, law) in self.binding.axes.iter().zip(&self.laws) {
+            self.data.qpos_mut()[axis.qpos] = law.asked.position_rad;
         }
-        for axis in &self.binding.others {
-            self.data.qpos_mut()[axis.qpos] = axis.rest_rad;
+        if let Some(normal) = angle_noise {
+            for (_, _, role) in self.binding.legs.roles() {
+                let qpos = self.binding.axes[role.joint].qpos;
+                self.data.qpos_mut()[qpos] += normal.sample(rng);
+            }
         }
         self.stand();
         if let Some(normal) = velocity_noise {
@@ -506,7 +501,7 @@ impl Robot for MujocoRobot {
     }
 
     fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError> {
-        targets.check_finite()?;
+        self.check(targets)?;
         if let Some(failure) = &self.failure {
             return Err(failure.clone());
         }
@@ -574,37 +569,31 @@ fn noise(standard_deviation: f64) -> Option<Normal<f64>> {
 
 /// The PD laws of every driven joint, at rest.
 fn laws(model: &MjModel, config: &MujocoConfig, binding: &Binding) -> Vec<Law> {
-    let leg = |axis: &Axis| {
+    let law = |axis: &Axis| {
         let own = torque_limit(model, axis);
-        Law {
-            kp: config.kp_nm_rad.unwrap_or(0.0),
-            kv: config.kv_nms_rad.unwrap_or(0.0),
-            limit: config.torque_limit_nm.map_or(own, |limit| limit.min(own)),
-            target: axis.rest_rad,
+        let asked = JointCommand::position(axis.rest_rad);
+        let (kp, kv) = (config.kp_nm_rad, config.kv_nms_rad);
+        if axis.of_leg {
+            return Law {
+                kp: kp.unwrap_or(0.0),
+                kv: kv.unwrap_or(0.0),
+                limit: config.torque_limit_nm.map_or(own, |limit| limit.min(own)),
+                asked,
+            };
         }
-    };
-    let other = |axis: &Axis| {
         let inertia = model.dof_m0()[axis.dof];
-        let kp = inertia * HOLD_RAD_S * HOLD_RAD_S;
-        let kv = 2.0 * inertia * HOLD_RAD_S;
         Law {
-            kp: config.kp_nm_rad.map_or(kp, |most| kp.min(most)),
-            kv: config.kv_nms_rad.map_or(kv, |most| kv.min(most)),
-            limit: torque_limit(model, axis),
-            target: axis.rest_rad,
+            kp: (inertia * HOLD_RAD_S * HOLD_RAD_S).min(kp.unwrap_or(f64::INFINITY)),
+            kv: (2.0 * inertia * HOLD_RAD_S).min(kv.unwrap_or(f64::INFINITY)),
+            limit: own,
+            asked,
         }
     };
-    let legs = binding.legs.iter().map(leg);
-    legs.chain(binding.others.iter().map(other)).collect()
+    binding.axes.iter().map(law).collect()
 }
 
-/// The limits of a joint, in Stridemap's sign.
-pub(crate) fn limits(
-    model: &MjModel,
-    axis: &Axis,
-    config: &MujocoConfig,
-    torque_nm: f64,
-) -> JointLimits {
+/// The limits of a joint.
+fn limits(model: &MjModel, axis: &Axis, config: &MujocoConfig, torque_nm: f64) -> JointLimits {
     let [mut lower, mut upper] = match model.jnt_limited()[axis.joint] {
         true => model.jnt_range()[axis.joint],
         false => [-std::f64::consts::PI, std::f64::consts::PI],
@@ -623,8 +612,8 @@ pub(crate) fn limits(
         upper = upper.min(ends[0].max(ends[1]));
     }
     JointLimits {
-        lower_rad: (axis.sign * lower).min(axis.sign * upper),
-        upper_rad: (axis.sign * lower).max(axis.sign * upper),
+        lower_rad: lower,
+        upper_rad: upper,
         velocity_rad_s: config.velocity_limit_rad_s,
         torque_nm,
     }
@@ -644,7 +633,7 @@ mod tests {
     #[test]
     fn a_diverged_state_is_an_error_until_the_next_reset() -> Outcome {
         let config = MujocoConfig::default();
-        let rest = config.rest_targets();
+        let rest = MujocoRobot::new(config.clone())?.description().rest();
         let rng = &mut ChaCha8Rng::seed_from_u64(1);
         for poison in [f64::NAN, f64::INFINITY, 1e15] {
             let mut robot = MujocoRobot::new(config.clone())?;
@@ -670,16 +659,17 @@ mod tests {
     #[test]
     fn two_halves_of_a_step_are_a_step_to_the_bit() -> Outcome {
         let config = MujocoConfig::default();
-        let rest = config.rest_targets();
+        let mut halves = MujocoRobot::new(config.clone())?;
+        let rest = halves.description().rest();
         let commands: Vec<JointTargets> = (0..500)
-            .map(|period| JointTargets {
-                position_rad: Legs::from_fn(|side, joint| {
-                    let sway = 0.05 * (0.02 * f64::from(period)).sin();
-                    rest.position_rad[(side, joint)] + sway * side.lateral_sign()
-                }),
+            .map(|period| {
+                let sway = 0.05 * (0.02 * f64::from(period)).sin();
+                let rests = rest.joints.iter().map(|c| c.position_rad).enumerate();
+                JointTargets::positions(
+                    rests.map(|(at, rest)| if at < 5 { rest + sway } else { rest - sway }),
+                )
             })
             .collect();
-        let mut halves = MujocoRobot::new(config.clone())?;
         let mut whole = MujocoRobot::new(config)?;
         for robot in [&mut halves, &mut whole] {
             robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;

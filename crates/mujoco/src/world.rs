@@ -169,7 +169,7 @@ impl MujocoRobot {
     /// Looks for the floor under the feet at rest; leaves the model's reference posture behind.
     pub(crate) fn find_floor(&mut self) -> Result<(), MujocoError> {
         let torso_m = self.data.qpos()[self.binding.root_qpos + 2];
-        for axis in self.binding.legs.iter().chain(&self.binding.others) {
+        for axis in &self.binding.axes {
             self.data.qpos_mut()[axis.qpos] = axis.rest_rad;
         }
         self.stand();

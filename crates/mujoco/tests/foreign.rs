@@ -6,7 +6,7 @@ use std::path::Path;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use stridemap_mujoco::{ActuatorKind, ModelSource, MujocoConfig, MujocoError, MujocoRobot};
 use stridemap_robot::contract::{Start, check};
-use stridemap_robot::{Guarded, JointTargets, LegJoint, Robot, RobotError, Side};
+use stridemap_robot::{JointTargets, LegJoint, Robot, RobotError, Side};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -22,8 +22,8 @@ fn config() -> Result<MujocoConfig, Box<dyn Error>> {
 
 fn standing() -> Result<(MujocoRobot, JointTargets), Box<dyn Error>> {
     let config = config()?;
-    let rest = config.rest_targets();
     let mut robot = MujocoRobot::new(config)?;
+    let rest = robot.description().rest();
     robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
     Ok((robot, rest))
 }
@@ -52,9 +52,9 @@ fn stands_for_five_seconds_under_the_pd_law() -> Outcome {
     assert!(left[1] > 0.0 && right[1] < 0.0, "{left:?} {right:?}");
     assert!((cop[0] - left[0]).abs() < 0.105, "{cop:?} {left:?}");
     assert!(cop[1] < left[1] + 0.045 && cop[1] > right[1] - 0.045);
-    for (side, joint, angle) in rest.position_rad.iter() {
-        let error = state.joints[(side, joint)].position_rad - angle;
-        assert!(error.abs() < 0.1, "{side:?} {joint:?} {error}");
+    for (joint, rest) in state.joints.iter().zip(&rest.joints) {
+        let error = joint.position_rad - rest.position_rad;
+        assert!(error.abs() < 0.1, "{rest:?} {error}");
     }
     Ok(())
 }
@@ -97,16 +97,18 @@ fn joint_report_finds_the_map_plausible_and_each_wrong_sign() -> Outcome {
             Side::Right => &mut config.right,
         };
         let name = match right.joint {
+            LegJoint::HipYaw => &mut leg.hip_yaw,
             LegJoint::HipRoll => &mut leg.hip_roll,
             LegJoint::HipPitch => &mut leg.hip_pitch,
             LegJoint::Knee => &mut leg.knee,
             LegJoint::AnklePitch => &mut leg.ankle_pitch,
             LegJoint::AnkleRoll => &mut leg.ankle_roll,
         };
-        *name = match name.strip_prefix('-') {
+        let mapped = name.take().ok_or("not mapped")?;
+        *name = Some(match mapped.strip_prefix('-') {
             Some(bare) => bare.to_owned(),
-            None => format!("-{name}"),
-        };
+            None => format!("-{mapped}"),
+        });
         let report = MujocoRobot::new(config)?.joint_report()?;
         let wrong: Vec<usize> = (0..10).filter(|&i| report[i].problem.is_some()).collect();
         assert_eq!(wrong, [position]);
@@ -133,7 +135,7 @@ fn errors_name_what_is_missing_and_what_is_near() -> Outcome {
             .ok_or("no error")?
             .to_string())
     };
-    let says = error(|c| c.left.knee = "-L_knee".into())?;
+    let says = error(|c| c.left.knee = Some("-L_knee".into()))?;
     assert!(
         says.starts_with("left.knee: the model has no joint named \"L_knee\""),
         "{says}"
@@ -144,14 +146,14 @@ fn errors_name_what_is_missing_and_what_is_near() -> Outcome {
         says.contains("right.foot") && says.contains("sole_R"),
         "{says}"
     );
-    let says = error(|c| c.right.knee = "-L_kn".into())?;
+    let says = error(|c| c.right.knee = Some("-L_kn".into()))?;
     assert!(
         says.contains("left.knee and right.knee both name"),
         "{says}"
     );
     let says = error(|c| c.kp_nm_rad = None)?;
     assert!(says.contains("kp_nm_rad"), "{says}");
-    let says = error(|c| c.left.knee = "float".into())?;
+    let says = error(|c| c.left.knee = Some("float".into()))?;
     assert!(says.contains("not a hinge"), "{says}");
     let says = error(|c| {
         c.rest_deg.insert("sholder_r".into(), 0.0);
@@ -166,15 +168,81 @@ fn errors_name_what_is_missing_and_what_is_near() -> Outcome {
 
 #[test]
 fn keeps_the_contract() -> Outcome {
-    let rest = config()?.rest_targets();
-    let make = || {
-        let config = config().map_err(|_| RobotError::Unsupported {
+    let make = |with: fn(MujocoConfig) -> MujocoConfig| {
+        let config = config().map(with).map_err(|_| RobotError::Unsupported {
             what: "this configuration",
         })?;
         MujocoRobot::new(config).map_err(|_| RobotError::Unsupported { what: "this model" })
     };
-    check(make, &rest, Start::Exact)?;
-    check(|| make().map(Guarded::new), &rest, Start::Exact)?;
+    // Motors and bare joints take gains and torques; position servos, as the biped's, refuse them by name.
+    check(|| make(|config| config), Start::Exact)?;
+    check(|| make(yawing_without_ankle_rolls), Start::Exact)?;
+    Ok(())
+}
+
+/// The same robot with its hip yaws named, and its ankle rolls left out of the gait.
+fn yawing_without_ankle_rolls(mut config: MujocoConfig) -> MujocoConfig {
+    config.left.hip_yaw = Some("-L_hip_z".into());
+    config.right.hip_yaw = Some("-R_hip_z".into());
+    for leg in [&mut config.left, &mut config.right] {
+        leg.ankle_roll = None;
+    }
+    config.rest_deg.insert("hip_yaw".into(), 2.0);
+    config
+}
+
+#[test]
+fn hip_yaws_are_leg_joints_where_they_are_named_and_ankle_rolls_may_be_left_out() -> Outcome {
+    // The yaw axis of either leg points up: without the minus it is right, with it each is told.
+    let mut robot = MujocoRobot::new(yawing_without_ankle_rolls(config()?))?;
+    let report = robot.joint_report()?;
+    assert_eq!(report.len(), 10);
+    for joint in &report {
+        let wrong = joint.problem.as_deref().map(|p| p.contains("+z"));
+        assert_eq!(
+            wrong,
+            (joint.joint == LegJoint::HipYaw).then_some(true),
+            "{joint:?}"
+        );
+    }
+    let mut right = yawing_without_ankle_rolls(config()?);
+    for (leg, name) in [(&mut right.left, "L_hip_z"), (&mut right.right, "R_hip_z")] {
+        leg.hip_yaw = Some(name.into());
+    }
+    let mut upright = MujocoRobot::new(right.clone())?;
+    assert!(
+        upright
+            .joint_report()?
+            .iter()
+            .all(|joint| joint.problem.is_none())
+    );
+    // The same joints in the same order, whatever their roles; yawed by as much, the other way.
+    let (rest, own) = (upright.description().rest(), robot.description().rest());
+    assert_eq!(rest.joints.len(), 14);
+    let yaw = upright.description().legs[(Side::Left, LegJoint::HipYaw)].ok_or("no yaw")?;
+    assert!((rest.joints[yaw.joint].position_rad - 2.0_f64.to_radians()).abs() < 1e-12);
+    assert!((own.joints[yaw.joint].position_rad + 2.0_f64.to_radians()).abs() < 1e-12);
+    for (robot, rest) in [(&mut robot, &own), (&mut upright, &rest)] {
+        robot.reset(rest, &mut ChaCha8Rng::seed_from_u64(1))?;
+        (0..1000).try_for_each(|_| robot.step(rest).map(|_| ()))?;
+        assert!(robot.state().base.tilt_rad() < 0.1);
+    }
+    // At a tenth of its stiffness, and at the same angle, the knee pushes a tenth as hard.
+    let knee = upright.description().legs[(Side::Left, LegJoint::Knee)].ok_or("no knee")?;
+    let held_nm = upright.state().joints[knee.joint].torque_nm;
+    let mut soft = rest.clone();
+    soft.joints[knee.joint].kp = Some(100.0);
+    soft.joints[knee.joint].kd = Some(0.0);
+    upright.step(&soft)?;
+    let softened_nm = upright.state().joints[knee.joint].torque_nm;
+    assert!(
+        (softened_nm / held_nm - 0.1).abs() < 0.05,
+        "{softened_nm} of {held_nm}"
+    );
+    // What is left out for the gait keeps its name for the rest posture.
+    right.rest_deg.insert("ankle_roll".into(), 1.0);
+    let says = MujocoRobot::new(right).err().ok_or("no error")?.to_string();
+    assert!(says.contains("ankle_roll"), "{says}");
     Ok(())
 }
 

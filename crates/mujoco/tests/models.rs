@@ -5,12 +5,14 @@ use std::path::Path;
 
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use stridemap_mujoco::{BIPED_XML, ModelSource, MujocoConfig, MujocoRobot, kinematic_model};
-use stridemap_robot::{LegJoint, Robot, Side};
+use stridemap_robot::{LegJoint, Robot};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
 const SERVO: &str = "<position kp=\"3000\" kv=\"105\" forcerange=\"-600 600\"/>";
 const KNEE: &str = "<position name=\"left_knee\" joint=\"left_knee\"/>";
+/// Where the left knee is among the biped's joints.
+const LEFT_KNEE: usize = 2;
 const FLOOR: &str = "<geom name=\"floor\" class=\"floor\" type=\"plane\" size=\"0 0 1\" rgba=\"0.92 0.92 0.90 1\"/>";
 
 /// The biped with parts of its text exchanged.
@@ -36,8 +38,8 @@ fn refused(name: &str, parts: &[(&str, &str)]) -> Result<String, Box<dyn Error>>
 
 /// Stands for a second: the weight must rest on the feet, and the mass move by less than 5 mm up or down.
 fn stands(name: &str, config: MujocoConfig) -> Result<MujocoRobot, Box<dyn Error>> {
-    let rest = config.rest_targets();
     let mut robot = MujocoRobot::new(config)?;
+    let rest = robot.description().rest();
     robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
     let start_m = robot.state().com.position_m[2];
     assert!(
@@ -80,13 +82,13 @@ fn a_servo_in_other_units_is_the_same_servo() -> Outcome {
         &[(SERVO, scaled), ("<position name", "<general name")],
     )?;
     let mut robot = stands("scaled", config.clone())?;
-    let rest = config.rest_targets();
+    let rest = robot.description().rest();
     let mut own = MujocoRobot::new(MujocoConfig::default())?;
     for robot in [&mut robot, &mut own] {
         robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
         (0..50).try_for_each(|_| robot.step(&rest).map(|_| ()))?;
     }
-    let knee = |robot: &MujocoRobot| robot.state().joints[(Side::Left, LegJoint::Knee)];
+    let knee = |robot: &MujocoRobot| robot.state().joints[LEFT_KNEE];
     assert!((knee(&robot).torque_nm - knee(&own).torque_nm).abs() < 1e-3);
     // Softer by the task: the same sag under the same load, whatever the units.
     let soften = |config: MujocoConfig| MujocoConfig {

@@ -4,11 +4,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_mujoco::{
     HardwareConfig, LegMap, ModelSource, MujocoConfig, MujocoRobot, SimulatedMachine, estimator,
-    joints_at_rest, kinematic_model,
+    kinematic_model,
 };
 use stridemap_robot::contract::{Start, check};
 use stridemap_robot::{
-    EstimatedRobot, JointTargets, LegJoint, Legs, Machine, Robot, RobotError, Side,
+    EstimatedRobot, LegJoint, Machine, Robot, RobotDescription, RobotError, Side,
 };
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -31,6 +31,10 @@ fn op3() -> MujocoConfig {
     }
 }
 
+fn at_rest(robot: &RobotDescription) -> Vec<f64> {
+    robot.joints.iter().map(|joint| joint.rest_rad).collect()
+}
+
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(1)
 }
@@ -38,9 +42,9 @@ fn rng() -> ChaCha8Rng {
 #[test]
 fn mass_size_and_joints_are_those_of_the_robot() -> Outcome {
     let config = op3();
-    let robot = MujocoRobot::new(config.clone())?;
+    let robot = MujocoRobot::new(config)?;
     assert!((robot.description().mass_kg - 3.147).abs() < 0.01);
-    assert_eq!(joints_at_rest(&config)?.len(), 20);
+    assert_eq!(robot.description().joints.len(), 20);
     let report = robot.joint_report()?;
     let problems: Vec<_> = report.iter().filter_map(|j| j.problem.as_ref()).collect();
     assert!(problems.is_empty(), "{problems:?}");
@@ -50,8 +54,8 @@ fn mass_size_and_joints_are_those_of_the_robot() -> Outcome {
 #[test]
 fn it_stands_on_both_feet_at_rest() -> Outcome {
     let config = op3();
-    let rest = config.rest_targets();
     let mut robot = MujocoRobot::new(config)?;
+    let rest = robot.description().rest();
     robot.reset(&rest, &mut rng())?;
     for _ in 0..250 {
         robot.step(&rest)?;
@@ -71,7 +75,7 @@ fn kinematics_agree_with_the_simulator() -> Outcome {
     let model = kinematic_model(&config)?;
     let mut machine = SimulatedMachine::new(&config)?;
     assert!((model.mass_kg() - machine.robot().description().mass_kg).abs() < 1e-12);
-    let hold: Vec<f64> = joints_at_rest(&config)?.iter().map(|(_, a)| *a).collect();
+    let hold = at_rest(machine.robot().description());
     machine.reset(&hold, &mut rng())?;
     for period in 0..100 {
         let command: Vec<f64> = hold
@@ -114,14 +118,9 @@ fn as_robot_error(what: String) -> RobotError {
 
 #[test]
 fn contract_holds_with_and_without_hardware_effects() -> Outcome {
-    let rest = op3().rest_targets();
-    check(
-        || estimated(None).map_err(as_robot_error),
-        &rest,
-        Start::Exact,
-    )?;
+    check(|| estimated(None).map_err(as_robot_error), Start::Exact)?;
     let real = || estimated(Some(HardwareConfig::default())).map_err(as_robot_error);
-    check(real, &rest, Start::Disturbed)?;
+    check(real, Start::Disturbed)?;
     Ok(())
 }
 
@@ -129,23 +128,21 @@ fn contract_holds_with_and_without_hardware_effects() -> Outcome {
 /// estimate follows the truth; with hardware effects it is off by its biases, and by little more.
 #[test]
 fn the_estimate_follows_the_truth() -> Outcome {
-    let rest = op3().rest_targets();
     for (hardware, most_mm) in [(None, 2.0), (Some(HardwareConfig::default()), 12.0)] {
         let mut robot = estimated(hardware)?;
+        let (rest, legs) = (robot.description().rest(), robot.description().legs);
         robot.reset(&rest, &mut rng())?;
         let mut worst_mm = 0.0_f64;
         for period in 0..500 {
             let sway = 0.06 * (0.012 * f64::from(period)).sin();
-            let targets = JointTargets {
-                position_rad: Legs::from_fn(|side, joint| {
-                    let rest = rest.position_rad[(side, joint)];
-                    match joint {
-                        LegJoint::HipRoll => rest - sway,
-                        LegJoint::AnkleRoll => rest + sway,
-                        _ => rest,
-                    }
-                }),
-            };
+            let mut targets = rest.clone();
+            for (_, joint, role) in legs.roles() {
+                targets.joints[role.joint].position_rad += match joint {
+                    LegJoint::HipRoll => -role.sign * sway,
+                    LegJoint::AnkleRoll => role.sign * sway,
+                    _ => 0.0,
+                };
+            }
             robot.step(&targets)?;
             let (estimate, truth) = (robot.state(), robot.true_state());
             let Some(truth) = truth else {
@@ -180,7 +177,7 @@ fn commands_and_readings_are_late_by_their_delays() -> Outcome {
         sensor_delay_s: 0.0,
         ..HardwareConfig::default()
     };
-    let hold: Vec<f64> = joints_at_rest(&op3())?.iter().map(|(_, a)| *a).collect();
+    let hold = at_rest(MujocoRobot::new(op3())?.description());
     let run = |command_delay_s: f64,
                sensor_delay_s: f64|
      -> Result<Vec<f64>, Box<dyn std::error::Error>> {

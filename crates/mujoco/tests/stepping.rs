@@ -14,8 +14,8 @@ use gait::Gait;
 fn steps_on_the_spot_without_a_fall() -> Result<(), Box<dyn Error>> {
     let config = MujocoConfig::default();
     let period_s = config.control_period_s;
-    let rest = config.rest_targets();
     let mut robot = MujocoRobot::new(config)?;
+    let rest = robot.description().rest();
     let mut state = robot
         .reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?
         .clone();
@@ -23,7 +23,7 @@ fn steps_on_the_spot_without_a_fall() -> Result<(), Box<dyn Error>> {
     let mut gait = Gait::new();
     let (mut stance, mut strides, mut first_s, mut last_s) = (Side::Left, 0_u32, 0.0, 0.0);
     while state.time_s < 30.0 {
-        let targets = gait.targets(&rest, &state, period_s);
+        let targets = gait.targets(robot.description(), &state, period_s);
         state.clone_from(robot.step(&targets)?);
         assert!(
             state.com.position_m[2] > 0.75 * height_m && state.base.tilt_rad() < 0.8,

@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use crate::legs::{JointTargets, LegJoint, Legs, Side};
+use crate::command::{JointCommand, JointTargets};
 use crate::robot::Robot;
 use crate::state::RobotState;
 use crate::{RobotError, ShapeKind};
@@ -34,20 +34,21 @@ pub enum Start {
 
 /// Checks a simulated robot against the contract of [`Robot`].
 ///
-/// `make` builds one and the same robot each time; `posture` is one in which it can stand; `start` says
-/// whether its configuration disturbs the start.
+/// `make` builds one and the same robot each time, which can stand in its rest posture; `start` says whether its
+/// configuration disturbs the start.
 ///
 /// # Errors
 ///
 /// The first [`Breach`].
 pub fn check<R: Robot>(
     mut make: impl FnMut() -> Result<R, RobotError>,
-    posture: &JointTargets,
     start: Start,
 ) -> Result<(), Breach> {
     let mut robot = made(&mut make)?;
+    let posture = &robot.description().rest();
     clock(&mut robot, posture)?;
     refusal(&mut robot, posture)?;
+    beyond_position(&mut robot, posture)?;
     let mut other = made(&mut make)?;
     replay(&mut robot, &mut other, posture)?;
     starts(&mut robot, posture, start)?;
@@ -76,9 +77,7 @@ fn reset<R: Robot>(robot: &mut R, posture: &JointTargets, seed: u64) -> Result<R
 fn movement(posture: &JointTargets, period: usize) -> JointTargets {
     #[expect(clippy::cast_precision_loss)] // A few hundred periods.
     let sway = 0.02 * (0.05 * period as f64).sin();
-    JointTargets {
-        position_rad: Legs::from_fn(|side, joint| posture.position_rad[(side, joint)] + sway),
-    }
+    JointTargets::positions(posture.joints.iter().map(|c| c.position_rad + sway))
 }
 
 /// Reset sets the clock to 0; each step advances it by the control period.
@@ -106,26 +105,94 @@ fn clock<R: Robot>(robot: &mut R, posture: &JointTargets) -> Result<(), Breach> 
     Ok(())
 }
 
-/// A target that is not finite is refused before anything moves.
+/// Targets that are not one per joint, or not finite, are refused before anything moves.
 fn refusal<R: Robot>(robot: &mut R, posture: &JointTargets) -> Result<(), Breach> {
-    let rule = "refuse a target that is not finite, its state unchanged";
+    let rule = "refuse targets that are not one finite command per joint, its state unchanged";
     let before = reset(robot, posture, 1)?;
+    let last = robot.description().joints.last();
+    let last = last.map(|joint| joint.name.clone()).unwrap_or_default();
+    let mut bad = vec![JointTargets::default(), posture.clone()];
+    bad[1].joints.push(JointCommand::default());
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let mut bad = *posture;
-        bad.position_rad[(Side::Right, LegJoint::AnklePitch)] = value;
+        let spoils: [fn(&mut JointCommand, f64); 5] = [
+            |command, value| command.position_rad = value,
+            |command, value| command.velocity_rad_s = value,
+            |command, value| command.kp = Some(value),
+            |command, value| command.kd = Some(value),
+            |command, value| command.torque_nm = value,
+        ];
+        for spoil in spoils {
+            let mut targets = posture.clone();
+            if let Some(command) = targets.joints.last_mut() {
+                spoil(command, value);
+            }
+            bad.push(targets);
+        }
+    }
+    for (at, bad) in bad.iter().enumerate() {
         let answers = [
-            robot.step(&bad).err(),
-            robot.reset(&bad, &mut ChaCha8Rng::seed_from_u64(1)).err(),
+            robot.step(bad).err(),
+            robot.reset(bad, &mut ChaCha8Rng::seed_from_u64(1)).err(),
         ];
         for answer in answers {
             match answer {
-                Some(RobotError::NotFinite { side, joint, .. })
-                    if side == Side::Right && joint == LegJoint::AnklePitch.name() => {}
-                other => return Err(breach(rule, format!("its answer to {value} was {other:?}"))),
+                Some(RobotError::CommandLength { .. }) if at < 2 => {}
+                Some(RobotError::BadCommand { joint, .. }) if at >= 2 && joint == last => {}
+                other => {
+                    let asked = bad.joints.last();
+                    return Err(breach(
+                        rule,
+                        format!("its answer to {asked:?} was {other:?}"),
+                    ));
+                }
             }
         }
         if *robot.state() != before {
             return Err(breach(rule, "its state changed"));
+        }
+    }
+    Ok(())
+}
+
+/// What is asked of a joint beyond an angle acts, or is refused by the joint's name: a joint without stiffness and
+/// damping has the torque that it is given.
+fn beyond_position<R: Robot>(robot: &mut R, posture: &JointTargets) -> Result<(), Breach> {
+    let rule = "give a joint the gains and torque that are asked for, or refuse them by its name";
+    for (at, joint) in robot.description().joints.clone().iter().enumerate() {
+        let torque_nm = 0.25 * joint.limits.torque_nm.min(4.0);
+        let asked = |kp, kd, velocity_rad_s, torque_nm| JointCommand {
+            kp,
+            kd,
+            velocity_rad_s,
+            torque_nm,
+            ..posture.joints[at]
+        };
+        let zero = Some(0.0);
+        let limp = asked(zero, zero, 0.0, torque_nm);
+        let alone = [
+            asked(zero, None, 0.0, 0.0),
+            asked(None, zero, 0.0, 0.0),
+            asked(None, None, 0.1, 0.0),
+            asked(None, None, 0.0, torque_nm),
+        ];
+        let mut taken = None;
+        for command in std::iter::once(limp).chain(alone) {
+            let before = reset(robot, posture, 1)?;
+            let mut targets = posture.clone();
+            targets.joints[at] = command;
+            let answer = robot.step(&targets).map(|s| s.joints[at].torque_nm);
+            let good = match &answer {
+                Ok(nm) => taken.is_some() || (nm - torque_nm).abs() < 1e-9,
+                Err(RobotError::JointCannot { joint: named, .. }) => {
+                    *named == joint.name && *robot.state() == before
+                }
+                Err(_) => false,
+            };
+            if !good || *taken.get_or_insert(answer.is_ok()) != answer.is_ok() {
+                let name = &joint.name;
+                let found = format!("its answer to {command:?} of {name} was {answer:?}");
+                return Err(breach(rule, found));
+            }
         }
     }
     Ok(())

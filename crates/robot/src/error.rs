@@ -4,18 +4,6 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
-    /// A target is NaN or infinite; it was not sent.
-    #[error(
-        "target of {side:?} {joint} is {value_rad} rad; targets must be finite (nothing was sent)"
-    )]
-    NotFinite {
-        /// Side of the joint at fault.
-        side: crate::Side,
-        /// Name of the joint at fault.
-        joint: &'static str,
-        /// The value given.
-        value_rad: f64,
-    },
     /// A command or a reading does not have one number per joint; nothing was sent.
     #[error("{found} numbers for {expected} joints (nothing was sent)")]
     CommandLength {
@@ -24,13 +12,27 @@ pub enum RobotError {
         /// Numbers given.
         found: usize,
     },
-    /// A command is NaN or infinite; it was not sent.
-    #[error("command of {joint} is {value_rad} rad; commands must be finite (nothing was sent)")]
-    JointNotFinite {
-        /// The machine's name of the joint.
+    /// A command is NaN or infinite, or a gain below zero; it was not sent.
+    #[error(
+        "the command of {joint} has {what} = {value}; commands must be finite and gains not negative (nothing was sent)"
+    )]
+    BadCommand {
+        /// The robot's name of the joint.
         joint: String,
+        /// The field of [`JointCommand`](crate::JointCommand).
+        what: &'static str,
         /// The value given.
-        value_rad: f64,
+        value: f64,
+    },
+    /// A joint cannot do what it was asked; nothing was sent.
+    #[error(
+        "the joint {joint} takes no {what} of the controller's: its servo takes angles (nothing was sent)"
+    )]
+    JointCannot {
+        /// The robot's name of the joint.
+        joint: String,
+        /// What was asked.
+        what: &'static str,
     },
     /// The joint map does not fit the machine.
     #[error("joint map: {joint:?} {why}")]

@@ -2,11 +2,12 @@
 
 use rand_chacha::ChaCha8Rng;
 
+use crate::command::JointTargets;
 use crate::error::RobotError;
 use crate::kinematics::{KinematicModel, inverse, of_rotation_vector, product, rotation_vector};
-use crate::legs::{JointTargets, Side};
-use crate::machine::{JointMap, Machine, SensorFrame};
-use crate::robot::{Robot, RobotDescription};
+use crate::legs::{LegRole, Legs, Side};
+use crate::machine::{Machine, SensorFrame};
+use crate::robot::{JointDescription, Robot, RobotDescription};
 use crate::shape::{Pose, Shape};
 use crate::state::{BaseState, CentreOfMass, FootState, RobotState};
 
@@ -37,7 +38,8 @@ const ATTITUDE_FILTER_S: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub struct Estimator {
     model: KinematicModel,
-    map: JointMap,
+    legs: Legs<Option<LegRole>>,
+    rest_rad: Vec<f64>,
     anchor: Option<(Side, [f64; 2])>,
     state: RobotState,
     angles_rad: Vec<f64>,
@@ -76,31 +78,30 @@ impl Attitude {
 }
 
 impl Estimator {
-    /// An estimator that has seen nothing.
+    /// An estimator that has seen nothing, for a robot with these leg joints and this rest posture.
     ///
     /// # Errors
     ///
-    /// [`RobotError::Kinematics`] if model and map belong to machines with different joints.
-    pub fn new(model: KinematicModel, map: JointMap) -> Result<Self, RobotError> {
-        if model.joints() != map.hold_rad.len() {
+    /// [`RobotError::Kinematics`] if model and posture have different numbers of joints.
+    pub fn new(
+        model: KinematicModel,
+        legs: Legs<Option<LegRole>>,
+        rest_rad: Vec<f64>,
+    ) -> Result<Self, RobotError> {
+        if model.joints() != rest_rad.len() {
             return Err(RobotError::Kinematics {
-                what: "another number of joints than the joint map",
+                what: "another number of joints than the rest posture",
             });
         }
         Ok(Self {
             model,
-            map,
+            legs,
+            rest_rad,
             anchor: None,
             state: RobotState::default(),
             angles_rad: Vec::new(),
             attitude: None,
         })
-    }
-
-    /// The joint map.
-    #[must_use]
-    pub const fn map(&self) -> &JointMap {
-        &self.map
     }
 
     /// The kinematic model.
@@ -188,9 +189,11 @@ impl Estimator {
             centre_m: world(placed.soles_m[i]),
             load_n: frame.loads_n[i],
         });
+        let mut joints = std::mem::take(&mut self.state.joints);
+        joints.clone_from(&frame.joints);
         self.state = RobotState {
             time_s: frame.time_s,
-            joints: self.map.legs_of(&frame.joints),
+            joints,
             base: BaseState {
                 position_m: base_m,
                 orientation: attitude.orientation,
@@ -216,6 +219,7 @@ pub struct EstimatedRobot<M> {
     machine: M,
     estimator: Estimator,
     description: RobotDescription,
+    command_rad: Vec<f64>,
 }
 
 impl<M: Machine> EstimatedRobot<M> {
@@ -235,13 +239,37 @@ impl<M: Machine> EstimatedRobot<M> {
             name: own.name.clone(),
             control_period_s: own.control_period_s,
             mass_kg: estimator.model.mass_kg(),
-            limits: estimator.map.limits_of(&own.limits),
+            joints: (own.joint_names.iter().zip(&own.limits))
+                .zip(&estimator.rest_rad)
+                .map(|((name, limits), rest_rad)| JointDescription {
+                    name: name.clone(),
+                    limits: *limits,
+                    rest_rad: *rest_rad,
+                })
+                .collect(),
+            legs: estimator.legs,
         };
         Ok(Self {
             machine,
             estimator,
             description,
+            command_rad: Vec::new(),
         })
+    }
+
+    /// Takes the angles of targets. A machine takes nothing else.
+    fn take(&mut self, targets: &JointTargets) -> Result<(), RobotError> {
+        self.description.check(targets)?;
+        for (command, joint) in targets.joints.iter().zip(&self.description.joints) {
+            if let Some(what) = command.beyond_position() {
+                let joint = joint.name.clone();
+                return Err(RobotError::JointCannot { joint, what });
+            }
+        }
+        self.command_rad.clear();
+        let angles = targets.joints.iter().map(|command| command.position_rad);
+        self.command_rad.extend(angles);
+        Ok(())
     }
 
     /// The machine inside.
@@ -266,9 +294,8 @@ impl<M: Machine> Robot for EstimatedRobot<M> {
         posture: &JointTargets,
         rng: &mut ChaCha8Rng,
     ) -> Result<&RobotState, RobotError> {
-        posture.check_finite()?;
-        let command = self.estimator.map.command(posture);
-        let frame = self.machine.reset(&command, rng)?;
+        self.take(posture)?;
+        let frame = self.machine.reset(&self.command_rad, rng)?;
         self.estimator.reset();
         self.estimator.update(frame)
     }
@@ -278,9 +305,8 @@ impl<M: Machine> Robot for EstimatedRobot<M> {
     }
 
     fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError> {
-        targets.check_finite()?;
-        let command = self.estimator.map.command(targets);
-        let frame = self.machine.step(&command)?;
+        self.take(targets)?;
+        let frame = self.machine.step(&self.command_rad)?;
         self.estimator.update(frame)
     }
 

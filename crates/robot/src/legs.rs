@@ -1,4 +1,4 @@
-//! Two legs of five joints each, and a value for every joint.
+//! Two legs, their joints by role, and what is asked of every joint.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +25,15 @@ impl Side {
         }
     }
 
+    /// The word in task files: `"left"` or `"right"`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+
     /// The other side.
     #[must_use]
     pub const fn other(self) -> Self {
@@ -48,6 +57,8 @@ impl Side {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LegJoint {
+    /// Yaw of the hip about +z.
+    HipYaw,
     /// Roll of the hip about +x.
     HipRoll,
     /// Pitch of the hip; + swings the thigh forward.
@@ -61,7 +72,8 @@ pub enum LegJoint {
 }
 
 /// Every joint of a leg, in the order in which arrays over joints are laid out.
-pub const LEG_JOINTS: [LegJoint; 5] = [
+pub const LEG_JOINTS: [LegJoint; 6] = [
+    LegJoint::HipYaw,
     LegJoint::HipRoll,
     LegJoint::HipPitch,
     LegJoint::Knee,
@@ -80,6 +92,7 @@ impl LegJoint {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
+            Self::HipYaw => "hip_yaw",
             Self::HipRoll => "hip_roll",
             Self::HipPitch => "hip_pitch",
             Self::Knee => "knee",
@@ -89,22 +102,29 @@ impl LegJoint {
     }
 }
 
-/// One value for each of the ten leg joints.
+/// Which joint of a robot plays the part of a leg joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LegRole {
+    /// Position among the robot's joints.
+    pub joint: usize,
+    /// +1 if the robot's axis agrees with Stridemap's, −1 if not.
+    pub sign: f64,
+}
+
+/// One value for each part that a leg joint can play.
 ///
 /// # Example
 ///
 /// ```
 /// use stridemap_robot::{LegJoint, Legs, Side};
 ///
-/// let mut angle_rad = Legs::default();
-/// angle_rad[(Side::Right, LegJoint::Knee)] = -0.7;
-/// assert_eq!(angle_rad.iter().filter(|(_, _, a)| **a != 0.0).count(), 1);
-/// assert_eq!(angle_rad[(Side::Left, LegJoint::Knee)], 0.0);
+/// let bent = Legs::from_fn(|_, joint| if joint == LegJoint::Knee { -0.7 } else { 0.0 });
+/// assert_eq!(bent.iter().filter(|(_, _, a)| **a != 0.0).count(), 2);
+/// assert_eq!(bent[(Side::Left, LegJoint::Knee)], -0.7);
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Legs<T> {
-    /// Values by side ([`Side::index`]) and joint ([`LegJoint::index`]).
-    pub values: [[T; 5]; 2],
+    values: [[T; 6]; 2],
 }
 
 impl<T> Legs<T> {
@@ -125,6 +145,14 @@ impl<T> Legs<T> {
     }
 }
 
+impl Legs<Option<LegRole>> {
+    /// The joints that the robot has, in the order of [`iter`](Self::iter).
+    pub fn roles(&self) -> impl Iterator<Item = (Side, LegJoint, LegRole)> {
+        self.iter()
+            .filter_map(|(side, joint, role)| Some((side, joint, (*role)?)))
+    }
+}
+
 impl<T> std::ops::Index<(Side, LegJoint)> for Legs<T> {
     type Output = T;
     fn index(&self, (side, joint): (Side, LegJoint)) -> &T {
@@ -135,45 +163,5 @@ impl<T> std::ops::Index<(Side, LegJoint)> for Legs<T> {
 impl<T> std::ops::IndexMut<(Side, LegJoint)> for Legs<T> {
     fn index_mut(&mut self, (side, joint): (Side, LegJoint)) -> &mut T {
         &mut self.values[side.index()][joint.index()]
-    }
-}
-
-/// What a gait asks of the joints for the next control period.
-///
-/// Joints beyond the legs (arms, neck) hold the rest angles of the robot's own configuration.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct JointTargets {
-    /// Desired angle of each leg joint.
-    pub position_rad: Legs<f64>,
-}
-
-impl JointTargets {
-    /// Refuses targets that are not finite, naming the first.
-    ///
-    /// # Errors
-    ///
-    /// [`RobotError::NotFinite`](crate::RobotError::NotFinite).
-    ///
-    /// # Example
-    ///
-    /// ```
-    /// use stridemap_robot::{JointTargets, LegJoint, Side};
-    ///
-    /// let mut targets = JointTargets::default();
-    /// assert!(targets.check_finite().is_ok());
-    /// targets.position_rad[(Side::Left, LegJoint::Knee)] = f64::NAN;
-    /// assert!(targets.check_finite().is_err());
-    /// ```
-    pub fn check_finite(&self) -> Result<(), crate::RobotError> {
-        for (side, joint, &value_rad) in self.position_rad.iter() {
-            if !value_rad.is_finite() {
-                return Err(crate::RobotError::NotFinite {
-                    side,
-                    joint: joint.name(),
-                    value_rad,
-                });
-            }
-        }
-        Ok(())
     }
 }

@@ -23,7 +23,7 @@ impl std::ops::AddAssign for LimitCounts {
 }
 
 /// A value moved into a range; the middle of a range that is empty.
-pub(crate) fn within(value: f64, lower: f64, upper: f64) -> f64 {
+fn within(value: f64, lower: f64, upper: f64) -> f64 {
     if lower <= upper {
         value.clamp(lower, upper)
     } else {

@@ -2,13 +2,14 @@
 
 use rand_chacha::ChaCha8Rng;
 
+use crate::command::JointTargets;
 use crate::error::RobotError;
-use crate::legs::{JointTargets, Legs};
+use crate::legs::{LegRole, Legs};
 use crate::shape::{Pose, Shape};
 use crate::state::RobotState;
 
 /// How far and how hard a joint may go.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointLimits {
     /// Smallest angle.
     pub lower_rad: f64,
@@ -20,8 +21,19 @@ pub struct JointLimits {
     pub torque_nm: f64,
 }
 
-/// What does not change while a robot runs.
+/// One joint of a robot, in the robot's own name and sign.
 #[derive(Clone, Debug, PartialEq)]
+pub struct JointDescription {
+    /// The robot's name of it.
+    pub name: String,
+    /// How far and how hard it may go.
+    pub limits: JointLimits,
+    /// Its angle in the robot's rest posture.
+    pub rest_rad: f64,
+}
+
+/// What does not change while a robot runs.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RobotDescription {
     /// Name for reports.
     pub name: String,
@@ -29,8 +41,27 @@ pub struct RobotDescription {
     pub control_period_s: f64,
     /// Total mass.
     pub mass_kg: f64,
-    /// Limits of each leg joint.
-    pub limits: Legs<JointLimits>,
+    /// Every joint that takes commands, in the order of [`JointTargets`] and [`RobotState::joints`].
+    pub joints: Vec<JointDescription>,
+    /// Which of them play the parts of leg joints.
+    pub legs: Legs<Option<LegRole>>,
+}
+
+impl RobotDescription {
+    /// The rest posture.
+    #[must_use]
+    pub fn rest(&self) -> JointTargets {
+        JointTargets::positions(self.joints.iter().map(|joint| joint.rest_rad))
+    }
+
+    /// Refuses targets that no robot takes, naming the joint.
+    ///
+    /// # Errors
+    ///
+    /// As [`JointTargets::check`].
+    pub fn check(&self, targets: &JointTargets) -> Result<(), RobotError> {
+        targets.check(self.joints.iter().map(|joint| joint.name.as_str()))
+    }
 }
 
 /// A robot: takes joint targets once per control period, answers with its state.
@@ -40,8 +71,10 @@ pub struct RobotDescription {
 /// - [`reset`](Self::reset) comes first; before it [`state`](Self::state) is the state in which the
 ///   robot was built.
 /// - Each [`step`](Self::step) advances the robot's clock by the control period.
-/// - Targets that are not finite are refused with [`RobotError::NotFinite`] before they reach a joint;
-///   the state is then unchanged.
+/// - Targets that are not one per joint, or not finite, are refused with [`RobotError::CommandLength`] or
+///   [`RobotError::BadCommand`] before they reach a joint; the state is then unchanged.
+/// - So are gains, rates and torques on a joint that cannot take them, with [`RobotError::JointCannot`]. They are
+///   never left out in silence.
 /// - A simulated robot that is reset with equal generators and given equal targets passes through
 ///   equal states, to the bit.
 /// - Falling is not an error: the state says where the base is, and the task decides.

@@ -1,11 +1,11 @@
 //! What is known of a robot at one instant.
 
-use crate::legs::{Legs, Side};
+use crate::legs::Side;
 
 /// One joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointState {
-    /// Angle, in Stridemap's signs.
+    /// Angle, in the robot's own sign.
     pub position_rad: f64,
     /// Rate of the angle.
     pub velocity_rad_s: f64,
@@ -97,8 +97,8 @@ pub struct FootState {
 pub struct RobotState {
     /// Time on the robot's own clock since its reset.
     pub time_s: f64,
-    /// Leg joints.
-    pub joints: Legs<JointState>,
+    /// The joints, in the robot's order ([`RobotDescription::joints`](crate::RobotDescription::joints)).
+    pub joints: Vec<JointState>,
     /// The pelvis.
     pub base: BaseState,
     /// The centre of mass.
@@ -146,7 +146,7 @@ impl RobotState {
                 "joints",
                 self.joints
                     .iter()
-                    .all(|(_, _, j)| all(&[j.position_rad, j.velocity_rad_s, j.torque_nm])),
+                    .all(|j| all(&[j.position_rad, j.velocity_rad_s, j.torque_nm])),
             ),
             (
                 "base",

@@ -15,11 +15,12 @@ use stridemap_learn::{
     ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary,
 };
 use stridemap_returnmap::StrideProcess;
-use stridemap_robot::{JointTargets, LegJoint, RobotState, Side};
+use stridemap_robot::{JointTargets, LegJoint, LegRole, Legs, RobotState};
 
 /// The paper's gait, with the knees some degrees straighter.
 struct StiffKnees {
     inner: OscillatorGait,
+    legs: Legs<Option<LegRole>>,
     straighter_rad: f64,
 }
 
@@ -27,7 +28,7 @@ impl Gait for StiffKnees {
     fn modulations(&self) -> &[Modulation] {
         self.inner.modulations()
     }
-    fn rest(&self) -> JointTargets {
+    fn rest(&self) -> &JointTargets {
         self.inner.rest()
     }
     fn reset(&mut self) {
@@ -36,14 +37,16 @@ impl Gait for StiffKnees {
     fn modulate(&mut self, index: usize, value: f64) -> Result<(), GaitError> {
         self.inner.modulate(index, value)
     }
-    fn targets(&mut self, state: &RobotState, dt_s: f64) -> JointTargets {
-        let mut targets = self.inner.targets(state, dt_s);
-        for side in Side::BOTH {
-            targets.position_rad[(side, LegJoint::Knee)] += self.straighter_rad;
-            targets.position_rad[(side, LegJoint::HipPitch)] -= 0.5 * self.straighter_rad;
-            targets.position_rad[(side, LegJoint::AnklePitch)] -= 0.5 * self.straighter_rad;
+    fn targets(&mut self, state: &RobotState, dt_s: f64, out: &mut JointTargets) {
+        self.inner.targets(state, dt_s, out);
+        for (_, joint, role) in self.legs.roles() {
+            let share = match joint {
+                LegJoint::Knee => 1.0,
+                LegJoint::HipPitch | LegJoint::AnklePitch => -0.5,
+                _ => 0.0,
+            };
+            out.joints[role.joint].position_rad += role.sign * share * self.straighter_rad;
         }
-        targets
     }
     fn start_up_s(&self) -> f64 {
         self.inner.start_up_s()
@@ -53,12 +56,12 @@ impl Gait for StiffKnees {
 static STIFF_KNEES: GaitPart = GaitPart {
     name: "stiff_knees",
     about: "the paper's gait with straighter knees",
-    build: |task| {
+    build: |task, robot| {
         let knee_deg = task.gait.own.get("knee_deg").copied().unwrap_or(0.0);
-        let rest = task.robot.rest_targets();
-        let inner = OscillatorGait::new(task.gait.clone(), rest)?;
+        let inner = OscillatorGait::new(task.gait.clone(), robot)?;
         Ok(Box::new(StiffKnees {
             inner,
+            legs: robot.legs,
             straighter_rad: knee_deg.to_radians(),
         }))
     },

@@ -198,7 +198,7 @@ impl TickObserver for Fastest {
         _crossing: Option<&Crossing>,
         _push_n: Option<[f64; 3]>,
     ) {
-        let rates = state.joints.iter().map(|(_, _, j)| j.velocity_rad_s.abs());
+        let rates = state.joints.iter().map(|j| j.velocity_rad_s.abs());
         let fastest = rates.fold(0.0, f64::max);
         if let Ok(mut most) = self.0.lock() {
             *most = most.max(fastest);

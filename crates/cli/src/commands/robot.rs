@@ -5,9 +5,9 @@ use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{RobotChoice, builtin};
 use stridemap_link::{GuardBounds, LinkError, Serve, send_stop, serve};
-use stridemap_mujoco::{MujocoConfig, SimulatedMachine, joints_at_rest};
+use stridemap_mujoco::{MujocoConfig, SimulatedMachine};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
-use stridemap_robot::Ros2Config;
+use stridemap_robot::{Robot, Ros2Config};
 
 use super::beside::Purpose;
 use super::linked::plant;
@@ -59,8 +59,8 @@ pub fn robot(
     };
     config.validate().map_err(stridemap_lab::LabError::from)?;
     let mut machine = SimulatedMachine::new(&config).map_err(stridemap_lab::LabError::from)?;
-    let rest = joints_at_rest(&config).map_err(stridemap_lab::LabError::from)?;
-    let posture: Vec<f64> = rest.iter().map(|(_, angle)| *angle).collect();
+    let joints = &machine.robot().description().joints;
+    let posture: Vec<f64> = joints.iter().map(|joint| joint.rest_rad).collect();
     let options = Serve {
         link: link_of(network),
         bounds: GuardBounds::default(),

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use stridemap_robot::{JointTargets, LegJoint, Legs, RobotState, Side};
+use stridemap_robot::{JointTargets, LegJoint, RobotDescription, RobotState, Side};
 
 /// First-order low-pass filter.
 struct Filter {
@@ -48,7 +48,7 @@ impl Gait {
     /// Targets for the next control period.
     pub(crate) fn targets(
         &mut self,
-        rest: &JointTargets,
+        robot: &RobotDescription,
         state: &RobotState,
         period_s: f64,
     ) -> JointTargets {
@@ -76,16 +76,17 @@ impl Gait {
             };
             6.0_f64.to_radians() * ramp(1.0, 4.0) * phase.sin()
         };
-        JointTargets {
-            position_rad: Legs::from_fn(|side, joint| {
-                rest.position_rad[(side, joint)]
-                    + match joint {
-                        LegJoint::HipRoll => -roll,
-                        LegJoint::AnkleRoll => roll,
-                        LegJoint::HipPitch | LegJoint::AnklePitch => pitch(side),
-                        LegJoint::Knee => -2.0 * pitch(side),
-                    }
-            }),
+        let mut targets = robot.rest();
+        for (side, joint, role) in robot.legs.roles() {
+            targets.joints[role.joint].position_rad += role.sign
+                * match joint {
+                    LegJoint::HipYaw => 0.0,
+                    LegJoint::HipRoll => -roll,
+                    LegJoint::AnkleRoll => roll,
+                    LegJoint::HipPitch | LegJoint::AnklePitch => pitch(side),
+                    LegJoint::Knee => -2.0 * pitch(side),
+                };
         }
+        targets
     }
 }
