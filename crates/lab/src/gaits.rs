@@ -7,6 +7,9 @@ use crate::error::LabError;
 use crate::registry::{Part, Registry};
 use crate::task::Task;
 
+/// Builds a task's gait for a robot.
+pub type BuildGait = fn(&Task, &RobotDescription) -> Result<Box<dyn Gait>, LabError>;
+
 /// A nominal gait, by the name in `gait.kind`.
 pub struct GaitPart {
     /// The name in task files.
@@ -15,7 +18,7 @@ pub struct GaitPart {
     pub about: &'static str,
     /// Builds it from a task, for a robot: `task.gait` has its parameters, those of a gait of one's own in `own`. When a
     /// task is read, the robot is an outline with nothing but its leg joints.
-    pub build: fn(&Task, &RobotDescription) -> Result<Box<dyn Gait>, LabError>,
+    pub build: BuildGait,
 }
 
 impl Part for GaitPart {

@@ -70,7 +70,7 @@ pub use compare::{
 pub use error::{Invalid, LabError};
 pub use fall::{FailureConfig, Fall, FallCriterion, RobotFall};
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
-pub use gaits::{GaitPart, gaits};
+pub use gaits::{BuildGait, GaitPart, gaits};
 pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
 pub use guarded::GuardedExplorer;
 pub use learner::{

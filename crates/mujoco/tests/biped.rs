@@ -19,7 +19,9 @@ fn standing(config: MujocoConfig) -> Result<(MujocoRobot, JointTargets), Box<dyn
 
 /// Where a leg joint is among the robot's.
 fn at(robot: &MujocoRobot, side: Side, joint: LegJoint) -> usize {
-    robot.description().legs[(side, joint)].unwrap().joint
+    let mut roles = robot.description().legs.roles();
+    let role = roles.find(|(s, j, _)| (*s, *j) == (side, joint));
+    role.map_or(usize::MAX, |(.., role)| role.joint)
 }
 
 #[test]
