@@ -158,6 +158,8 @@ pub enum PartKind {
     Rewards,
     /// Components of the state at the section: state.
     States,
+    /// Events that make a section: section.event.
+    Events,
     /// Robots that --robot names.
     Robots,
 }

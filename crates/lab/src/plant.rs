@@ -347,7 +347,9 @@ impl Plant {
         let stance_before = self.detector.stance();
         (self.gait).targets(self.robot.state(), dt_s, &mut self.targets);
         self.robot.step(&self.targets)?;
-        let crossing = self.detector.update(self.robot.state());
+        let gait = &self.gait;
+        let phase_rad = |leg| gait.phase_rad(leg);
+        let crossing = self.detector.update(self.robot.state(), phase_rad);
         let pendulum = self.detector.pendulum();
         self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
         if let (Some(found), Some(log)) = (&crossing, &mut self.log) {

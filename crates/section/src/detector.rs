@@ -1,5 +1,7 @@
 //! Finding the section.
 
+use std::f64::consts::PI;
+
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{RobotState, Side};
 
@@ -23,10 +25,60 @@ pub enum SectionError {
     },
 }
 
+/// What makes a section: a scalar that passes zero from below, once in each stance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SectionEvent {
+    /// The roll rate of the pendulum, filtered \[MA09, sec. 3\]; with `lateral` the velocity of the sway.
+    #[default]
+    RollRate,
+    /// The share of the load on the foot that takes it over, less `stance.load_share`.
+    Touchdown,
+    /// The gait's phase as the stance leg sees it, less `clock_phase_deg`.
+    GaitClock,
+}
+
+impl SectionEvent {
+    /// Every one.
+    pub const ALL: [Self; 3] = [Self::RollRate, Self::Touchdown, Self::GaitClock];
+
+    /// The name in task files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::RollRate => "roll_rate",
+            Self::Touchdown => "touchdown",
+            Self::GaitClock => "gait_clock",
+        }
+    }
+
+    /// What it is, in a line.
+    #[must_use]
+    pub const fn about(self) -> &'static str {
+        match self {
+            Self::RollRate => {
+                "the mass comes nearest to the outer side: the pendulum's roll rate is zero (MA09, sec. 3)"
+            }
+            Self::Touchdown => "the load passes to the other foot",
+            Self::GaitClock => "the gait's phase passes section.clock_phase_deg",
+        }
+    }
+
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// How the section is detected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SectionConfig {
+    /// What makes a section.
+    #[serde(default, skip_serializing_if = "SectionEvent::is_default")]
+    pub event: SectionEvent,
+    /// The gait's phase at a section of its clock, as the stance leg sees it, deg.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub clock_phase_deg: f64,
     /// The foot of the pendulum.
     pub pendulum_base: PendulumBase,
     /// When the stance passes from leg to leg.
@@ -41,9 +93,15 @@ pub struct SectionConfig {
     pub lateral: Option<LateralConfig>,
 }
 
+fn is_zero(value: &f64) -> bool {
+    value.to_bits() == 0
+}
+
 impl Default for SectionConfig {
     fn default() -> Self {
         Self {
+            event: SectionEvent::RollRate,
+            clock_phase_deg: 0.0,
             pendulum_base: PendulumBase::StanceFoot,
             stance: StanceConfig { load_share: 0.6 },
             roll_rate_filter_s: 0.01,
@@ -66,6 +124,13 @@ impl SectionConfig {
                 name: "stance.load_share",
                 value: share,
                 requirement: "must lie between 0.5 and 1",
+            });
+        }
+        if !(-180.0..=180.0).contains(&self.clock_phase_deg) {
+            return Err(SectionError::Parameter {
+                name: "clock_phase_deg",
+                value: self.clock_phase_deg,
+                requirement: "must lie in [-180, 180]",
             });
         }
         for (name, value, most) in [
@@ -95,28 +160,33 @@ pub struct Crossing {
     pub pendulum: Pendulum,
 }
 
-/// One look at the pendulum.
+/// One look at the robot.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     time_s: f64,
     pendulum: Pendulum,
-    filtered_rate_rad_s: f64,
+    /// What passes zero, filtered where it is a rate.
+    scalar: f64,
+    /// Share of the load on the right foot, the last one known.
+    right_load: f64,
 }
 
-/// Finds the sections of a walking robot: the first time in each stance at which the filtered roll
-/// rate of the pendulum passes from negative to zero or positive.
+/// Finds the sections of a walking robot: the first time in each stance at which a scalar, the filtered roll
+/// rate of the pendulum where the task names no other ([`SectionEvent`]), passes from negative to zero or positive.
 ///
-/// For consecutive ticks `t₀ < t₁` of one stance with filtered rates `r₀ < 0 ≤ r₁` the crossing is at
+/// For consecutive ticks `t₀ < t₁` of one stance with scalars `r₀ < 0 ≤ r₁` the crossing is at
 ///
 /// ```text
 /// t* = t₀ + s (t₁ − t₀),   s = r₀ / (r₀ − r₁),   t₀ < t* ≤ t₁
 /// ```
 ///
 /// and the pendulum's state is interpolated with the same `s`: the error is of second order in the
-/// control period. A rate that is exactly zero on a tick counts there, once. A rate that touches
-/// zero from above, or starts a stance positive, does not count before it has been negative.
+/// control period. A scalar that is exactly zero on a tick counts there, once. One that touches
+/// zero from above, or starts a stance positive, does not count before it has been negative. An angle's jump
+/// from π to −π is none.
 ///
-/// The filter starts anew with each stance, because the pendulum's roll jumps when its foot does.
+/// The filter starts anew with each stance, because the pendulum's roll jumps when its foot does. At touchdown the
+/// stance itself changes: `t*` is where the load passes its threshold, and the pendulum the first one on the new foot.
 #[derive(Clone, Debug)]
 pub struct SectionDetector {
     config: SectionConfig,
@@ -174,51 +244,79 @@ impl SectionDetector {
         }
     }
 
-    /// Takes the newest state; tells whether a section was crossed since the one before.
-    pub fn update(&mut self, state: &RobotState) -> Option<Crossing> {
+    /// Takes the newest state, and the gait's phase as a leg sees it, where it has one; tells whether a section
+    /// was crossed since the state before.
+    pub fn update(
+        &mut self,
+        state: &RobotState,
+        phase_rad: impl Fn(Side) -> Option<f64>,
+    ) -> Option<Crossing> {
         if let Some(lateral) = &mut self.lateral {
             return lateral.update(state);
         }
         let stance = self.stance.update(state)?;
         let pendulum = pendulum(state, stance, self.config.pendulum_base)?;
+        let last_load = self.last.map_or(0.5, |last| last.right_load);
+        let mut now = Sample {
+            time_s: state.time_s,
+            pendulum,
+            scalar: match self.config.event {
+                SectionEvent::RollRate => pendulum.roll_rate_rad_s,
+                SectionEvent::Touchdown => 0.0,
+                SectionEvent::GaitClock => {
+                    wrapped(phase_rad(stance)? - self.config.clock_phase_deg.to_radians())
+                }
+            },
+            right_load: state.right_load_fraction().unwrap_or(last_load),
+        };
         let before = self.last.filter(|sample| sample.pendulum.stance == stance);
         let Some(before) = before else {
             self.crossed_in_this_stance = false;
-            self.last = Some(Sample {
-                time_s: state.time_s,
-                pendulum,
-                filtered_rate_rad_s: pendulum.roll_rate_rad_s,
+            let other_foot = self.last.replace(now);
+            let touchdown = self.config.event == SectionEvent::Touchdown;
+            return other_foot.filter(|_| touchdown).and_then(|before| {
+                let share = |sample: &Sample| match stance {
+                    Side::Right => sample.right_load,
+                    Side::Left => 1.0 - sample.right_load,
+                };
+                let (f0, f1) = (share(&before), share(&now));
+                let s = ((self.config.stance.load_share - f0) / (f1 - f0)).clamp(0.0, 1.0);
+                self.crossing(before.time_s + s * (now.time_s - before.time_s), pendulum)
             });
-            return None;
         };
 
         let dt_s = state.time_s - before.time_s;
-        let (r0, tau_s) = (before.filtered_rate_rad_s, self.config.roll_rate_filter_s);
-        let r1 = r0 + (pendulum.roll_rate_rad_s - r0) * dt_s / (tau_s + dt_s);
-        self.last = Some(Sample {
-            time_s: state.time_s,
-            pendulum,
-            filtered_rate_rad_s: r1,
-        });
-
-        if self.crossed_in_this_stance || !(r0 < 0.0 && r1 >= 0.0) {
+        let r0 = before.scalar;
+        if self.config.event == SectionEvent::RollRate {
+            let tau_s = self.config.roll_rate_filter_s;
+            now.scalar = r0 + (pendulum.roll_rate_rad_s - r0) * dt_s / (tau_s + dt_s);
+        }
+        self.last = Some(now);
+        let r1 = now.scalar;
+        let jumped = self.config.event == SectionEvent::GaitClock && r1 - r0 > PI;
+        if self.crossed_in_this_stance || jumped || !(r0 < 0.0 && r1 >= 0.0) {
             return None;
         }
         let s = r0 / (r0 - r1);
-        let time_s = before.time_s + s * dt_s;
-        if self
-            .last_crossing_s
-            .is_some_and(|last_s| time_s - last_s < self.config.refractory_s)
-        {
+        let there = before.pendulum.interpolate(&pendulum, s);
+        self.crossing(before.time_s + s * dt_s, there)
+    }
+
+    /// A section, unless it comes too soon after the last.
+    fn crossing(&mut self, time_s: f64, pendulum: Pendulum) -> Option<Crossing> {
+        let too_soon = |last_s: f64| time_s - last_s < self.config.refractory_s;
+        if self.last_crossing_s.is_some_and(too_soon) {
             return None;
         }
         self.crossed_in_this_stance = true;
         self.last_crossing_s = Some(time_s);
-        Some(Crossing {
-            time_s,
-            pendulum: before.pendulum.interpolate(&pendulum, s),
-        })
+        Some(Crossing { time_s, pendulum })
     }
+}
+
+/// An angle brought into [−π, π).
+fn wrapped(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(2.0 * PI) - PI
 }
 
 #[cfg(test)]
@@ -247,7 +345,9 @@ mod tests {
 
     fn crossings(config: SectionConfig, states: impl Iterator<Item = RobotState>) -> Vec<Crossing> {
         let mut detector = SectionDetector::new(config).unwrap();
-        states.filter_map(|state| detector.update(&state)).collect()
+        states
+            .filter_map(|state| detector.update(&state, |_| None))
+            .collect()
     }
 
     fn ticks(dt_s: f64, offset_s: f64, until_s: f64) -> impl Iterator<Item = f64> {
@@ -341,6 +441,44 @@ mod tests {
             ..unfiltered()
         };
         assert_eq!(crossings(slow, walk()).len(), 1);
+    }
+
+    /// The load passes linearly from left to right within 0.1 s: 0.6 of it is on the right foot after 0.06 s, wherever
+    /// the ticks are.
+    #[test]
+    fn touchdown_is_where_the_load_passes_its_threshold() {
+        let config = SectionConfig {
+            event: SectionEvent::Touchdown,
+            ..unfiltered()
+        };
+        let loaded = |t: f64| {
+            let mut state = swaying(t, Side::Right);
+            let right = (10.0 * (t - 1.0)).clamp(0.0, 1.0);
+            state.feet[Side::Right.index()].load_n = 100.0 * right;
+            state.feet[Side::Left.index()].load_n = 100.0 * (1.0 - right);
+            state
+        };
+        let found = crossings(config, ticks(0.007, 0.0, 2.0).map(loaded));
+        assert_eq!(found.len(), 1);
+        assert!((found[0].time_s - 1.06).abs() < 1e-12, "{found:?}");
+        assert_eq!(found[0].pendulum.stance, Side::Right);
+    }
+
+    /// A clock of 1 rad/s passes 90 deg after π/2 s, and its jump from π to −π is no section.
+    #[test]
+    fn the_gait_clock_ticks_at_its_phase() {
+        let config = SectionConfig {
+            event: SectionEvent::GaitClock,
+            clock_phase_deg: 90.0,
+            ..unfiltered()
+        };
+        let mut detector = SectionDetector::new(config).unwrap();
+        let mut found = Vec::new();
+        for t in ticks(0.01, 0.0, 2.0 * PI) {
+            found.extend(detector.update(&swaying(t, Side::Right), |_| Some(t)));
+        }
+        assert_eq!(found.len(), 1);
+        assert!((found[0].time_s - 0.5 * PI).abs() < 1e-12);
     }
 
     #[test]

@@ -213,7 +213,9 @@ mod tests {
 
     fn found(config: SectionConfig, states: impl Iterator<Item = RobotState>) -> Vec<Crossing> {
         let mut detector = SectionDetector::new(config).unwrap();
-        states.filter_map(|s| detector.update(&s)).collect()
+        states
+            .filter_map(|s| detector.update(&s, |_| None))
+            .collect()
     }
 
     fn ticks() -> impl Iterator<Item = f64> {

@@ -16,7 +16,7 @@ mod lateral;
 mod pendulum;
 mod stance;
 
-pub use detector::{Crossing, SectionConfig, SectionDetector, SectionError};
+pub use detector::{Crossing, SectionConfig, SectionDetector, SectionError, SectionEvent};
 pub use lateral::LateralConfig;
 pub use pendulum::{Pendulum, PendulumBase, pendulum};
 pub use stance::{StanceConfig, StanceDetector};

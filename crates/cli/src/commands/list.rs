@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use stridemap_lab::{Part, Registry, RobotChoice, gaits, learners, rewards, states};
+use stridemap_section::SectionEvent;
 
 use crate::args::PartKind;
 use crate::failure::Failure;
@@ -30,6 +31,12 @@ pub fn list(kind: PartKind, json: bool) -> Result<(), Failure> {
         PartKind::Learners => listed(learners()),
         PartKind::Rewards => listed(rewards()),
         PartKind::States => listed(states()),
+        PartKind::Events => SectionEvent::ALL
+            .map(|event| Listed {
+                name: event.name(),
+                about: event.about(),
+            })
+            .into(),
         PartKind::Robots => RobotChoice::ALL
             .map(|robot| Listed {
                 name: robot.name(),
