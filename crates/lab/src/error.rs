@@ -23,6 +23,21 @@ pub struct Invalid {
     pub requirement: String,
 }
 
+/// Refuses a value of the task unless it holds.
+pub(crate) fn unless(
+    holds: bool,
+    key: impl Into<String>,
+    requirement: impl Into<String>,
+) -> Result<(), LabError> {
+    match holds {
+        true => Ok(()),
+        false => Err(LabError::Invalid(Invalid {
+            key: key.into(),
+            requirement: requirement.into(),
+        })),
+    }
+}
+
 /// What can go wrong in the lab.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

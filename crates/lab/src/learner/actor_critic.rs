@@ -4,10 +4,10 @@ use rand_chacha::ChaCha8Rng;
 use stridemap_learn::{ActorCritic, SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
-use crate::error::LabError;
+use crate::error::{LabError, unless};
 use crate::proof::Proof;
 use crate::registry::Part;
-use crate::task::Task;
+use crate::task::{Task, one_per};
 
 pub(super) struct InMap;
 
@@ -26,7 +26,22 @@ impl LearnerPart for InMap {
     }
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
-        Ok(task.learner.actor_critic.validate()?)
+        let (config, n, m) = (
+            &task.learner.actor_critic,
+            task.state.len(),
+            task.action.len(),
+        );
+        for (key, found, needed, what) in [
+            ("basis_widths", config.basis_widths.len(), n, "state"),
+            ("action_unit", config.action_unit.len(), m, "action"),
+        ] {
+            unless(
+                found == needed,
+                format!("learner.actor_critic.{key}"),
+                one_per(&format!("component of the {what}"), found, needed),
+            )?;
+        }
+        Ok(config.validate()?)
     }
 
     fn propose(

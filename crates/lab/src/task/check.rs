@@ -1,0 +1,221 @@
+//! What the types of a task cannot say.
+
+use crate::error::{LabError, unless};
+use crate::task::Task;
+
+impl Task {
+    /// Checks what the types cannot, first fault first.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Invalid`] with the key at fault, which the caller can place in a file; or the
+    /// error of the room that owns the value.
+    pub fn validate(&self) -> Result<(), LabError> {
+        crate::numbers::check(self)?;
+        self.check_name()?;
+        self.robot.validate()?;
+        self.gait(&self.robot.outline())?;
+        self.section.validate()?;
+        self.check_state()?;
+        self.plant_actions()?;
+        self.check_reward()?;
+        self.check_failure()?;
+        self.check_collect()?;
+        self.check_algorithm()?;
+        self.check_record()?;
+        if let Some(caution) = &self.caution {
+            caution.validate(self.action.len())?;
+        }
+        let kind = self.learner.kind;
+        unless(
+            self.caution.is_some() || !kind.needs_caution(),
+            "learner.kind",
+            format!(
+                "{} searches within a trust region, and its policies are proven on the robot: it needs a [caution] \
+                 section, which task {} has not (`compare {1} --controls` sets the task's learner beside \
+                 simple controls)",
+                kind.name(),
+                self.name
+            ),
+        )?;
+        kind.check(self)?;
+        self.map_config()
+            .validate(self.state.len(), self.action.len())?;
+        crate::suffices::check(self)
+    }
+
+    /// It names directories.
+    fn check_name(&self) -> Result<(), LabError> {
+        let name = &self.name;
+        let plain = |c: char| c.is_alphanumeric() || " ._+=,@()-".contains(c);
+        let ends = |c: char| c == ' ' || c == '.';
+        unless(
+            !name.is_empty()
+                && name.len() <= 100
+                && !name.starts_with(ends)
+                && !name.ends_with(' ')
+                && name.chars().all(plain),
+            "name",
+            format!(
+                "is {name:?}; must be a name of at most 100 bytes: letters, digits and any of \"._+=,@()-\", with \
+                 spaces between them and no point in front; it names directories"
+            ),
+        )
+    }
+
+    fn check_state(&self) -> Result<(), LabError> {
+        let state = &self.state;
+        unless(!state.is_empty(), "state", "needs at least one component")?;
+        if let Some(i) = (1..state.len()).find(|&i| state[..i].contains(&state[i])) {
+            unless(false, "state", format!("names {} twice", state[i].name()))?;
+        }
+        unless(
+            self.map.invariant.is_empty(),
+            "map.invariant",
+            "is said by the components of the state (heading_deg); leave it out",
+        )
+    }
+
+    fn check_reward(&self) -> Result<(), LabError> {
+        unless(
+            !self.reward.is_empty(),
+            "reward",
+            "needs at least one [[reward]] term",
+        )?;
+        for (i, term) in self.reward.iter().enumerate() {
+            let word = match term.quantity.has_target {
+                true => "needs",
+                false => "has no use for",
+            };
+            unless(
+                term.quantity.has_target == term.target_deg.is_some(),
+                format!("reward.{i}"),
+                format!("this quantity {word} target_deg"),
+            )?;
+            unless(
+                term.weight.is_finite(),
+                format!("reward.{i}.weight"),
+                "must be finite",
+            )?;
+        }
+        Ok(())
+    }
+
+    fn check_failure(&self) -> Result<(), LabError> {
+        let f = &self.failure;
+        for (key, value, low, high) in [
+            ("reward", f.reward, -1e6, 0.0),
+            ("psi_roll_below_deg", f.psi_roll_below_deg, -90.0, 90.0),
+            ("com_height_below", f.com_height_below, 0.0, 1.0),
+            ("tilt_above_deg", f.tilt_above_deg, 1.0, 180.0),
+            ("no_section_s", f.no_section_s, 0.1, 60.0),
+        ] {
+            unless(
+                (low..=high).contains(&value),
+                format!("failure.{key}"),
+                format!("is {value}, must lie in [{low}, {high}]"),
+            )?;
+        }
+        Ok(())
+    }
+
+    fn check_collect(&self) -> Result<(), LabError> {
+        let (collect, explore, m) = (&self.collect, &self.collect.explore, self.action.len());
+        for (key, found) in [
+            ("collect.explore.center", explore.center.len()),
+            ("collect.explore.std", explore.std.len()),
+            ("collect.later_noise_std", collect.later_noise_std.len()),
+        ] {
+            unless(
+                found == m,
+                key,
+                one_per("component of the action", found, m),
+            )?;
+        }
+        unless(
+            explore.hold > 0,
+            "collect.explore.hold",
+            "must be at least 1 stride",
+        )?;
+        for [low, high] in &explore.center {
+            unless(
+                low.is_finite() && high.is_finite() && low <= high,
+                "collect.explore.center",
+                format!("[{low}, {high}] must be finite and in order"),
+            )?;
+        }
+        for (key, stds) in [
+            ("collect.explore.std", &explore.std),
+            ("collect.later_noise_std", &collect.later_noise_std),
+        ] {
+            for std in stds {
+                unless(
+                    std.is_finite() && *std >= 0.0,
+                    key,
+                    format!("{std} must be finite and not negative"),
+                )?;
+            }
+        }
+        unless(
+            collect.strides.first().is_some_and(|first| *first > 0),
+            "collect.strides",
+            "must begin with at least 1 stride",
+        )?;
+        unless(
+            collect.until_error.is_none_or(|e| e > 0.0 && e < 1.0),
+            "collect.until_error",
+            "must lie between 0 and 1, in spreads of the data",
+        )
+    }
+
+    fn check_algorithm(&self) -> Result<(), LabError> {
+        let a = &self.algorithm;
+        unless(
+            a.iterations > 0,
+            "algorithm.iterations",
+            "must be at least 1",
+        )?;
+        let evaluated = a.evaluation_strides;
+        unless(
+            evaluated == 0 || a.evaluation_discard < evaluated,
+            "algorithm.evaluation_discard",
+            format!("must leave some of the {evaluated} evaluation strides"),
+        )?;
+        unless(
+            a.stop_below_improvement.is_none() || evaluated > 0,
+            "algorithm.stop_below_improvement",
+            "needs evaluation_strides, or there is nothing to compare",
+        )
+    }
+
+    fn check_record(&self) -> Result<(), LabError> {
+        let r = &self.record;
+        unless(
+            r.strides > 0 && r.iteration_strides > 0,
+            "record.strides",
+            "must be at least 1",
+        )?;
+        unless(
+            r.walk_s.is_none_or(|s| (1.0..=3600.0).contains(&s)),
+            "record.walk_s",
+            "must be 1 to 3600 s",
+        )?;
+        if let Some(speed_s) = r.speed_s {
+            unless(
+                speed_s >= 1.0 && r.walk_s.is_some_and(|walk_s| speed_s <= walk_s),
+                "record.speed_s",
+                format!("is {speed_s}, must be at least 1 s and at most record.walk_s"),
+            )?;
+        }
+        unless(
+            (0.0..=600.0).contains(&r.pose_seconds),
+            "record.pose_seconds",
+            "must lie in [0, 600] s",
+        )
+    }
+}
+
+/// What is said of a list of the wrong length.
+pub(crate) fn one_per(what: &str, found: usize, expected: usize) -> String {
+    format!("has {found} entries, needs one per {what}: {expected}")
+}
