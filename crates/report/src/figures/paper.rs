@@ -188,6 +188,10 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
     ] {
         column(stem, name, values, data.trials.len())?;
     }
+    // Half of the 95 % interval of a mean over the seeds.
+    let of_mean = 1.96 / (data.seeds.max(1) as f64).sqrt();
+    let [gp_half, full_half] =
+        [&gp_sd, &full_sd].map(|sd| sd.iter().map(|sd| of_mean * sd).collect::<Vec<f64>>());
     let trial: Vec<f64> = data.trials.iter().map(|t| f64::from(t.trial)).collect();
     let last_trial = trial.iter().copied().fold(1.0, f64::max);
 
@@ -200,7 +204,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
         .max(1e-4);
     let linear = 10f64.powf(best.log10().floor()).max(1e-3);
     let low = (0..trial.len())
-        .flat_map(|i| [gp[i] - gp_sd[i], full[i] - full_sd[i]])
+        .flat_map(|i| [gp[i] - gp_half[i], full[i] - full_half[i]])
         .fold(-linear * 10.0, f64::min);
     let y = Axis::symlog(
         "average reward per stride",
@@ -218,17 +222,17 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
         y,
     );
 
-    for (values, sd, class, dash, mark, shift, name) in [
+    for (values, half, class, dash, mark, shift, name) in [
         (
             &full,
-            &full_sd,
+            &full_half,
             "s1",
             Dash::Dashed,
             Mark::Diamond,
             0.09,
             "full model",
         ),
-        (&gp, &gp_sd, "s0", Dash::Solid, Mark::Disc, -0.09, "GP map"),
+        (&gp, &gp_half, "s0", Dash::Solid, Mark::Disc, -0.09, "GP map"),
     ] {
         let points: Vec<(f64, f64)> = trial
             .iter()
@@ -236,7 +240,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
             .map(|(t, v)| (t + shift, *v))
             .collect();
         let bars: Vec<(f64, f64, f64)> = (0..trial.len())
-            .map(|i| (trial[i] + shift, values[i] - sd[i], values[i] + sd[i]))
+            .map(|i| (trial[i] + shift, values[i] - half[i], values[i] + half[i]))
             .collect();
         p.error_bars(&bars, class, 3.0);
         p.line(&points, class, dash, 2.0);
@@ -249,7 +253,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
                     "{name}, after {} trials: {} ± {}",
                     trial[i],
                     number(values[i], 3),
-                    number(sd[i], 2)
+                    number(half[i], 2)
                 ),
             );
         }
@@ -279,9 +283,9 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
     };
     let end = data.trials[data.trials.len() - 1];
     let caption = format!(
-        "Fig. 8 of the paper. Reward on the plant of the frozen stochastic policy, averaged over {} strides; mean and \
-         standard deviation (bars) over n = {} seeds. Vertical axis linear within ±{}, logarithmic beyond. \
-         Student's t per trial, two-sided: {tested}. After trial {}: GP map {} ± {}, full model {} ± {}. \
+        "Fig. 8 of the paper. Reward on the plant of the frozen stochastic policy, averaged over {} strides; mean \
+         over n = {} seeds with its 95 % interval (bars: 1.96 sd/√n). Vertical axis linear within ±{}, logarithmic beyond. \
+         Student's t per trial, two-sided: {tested}. After trial {}, mean ± sd: GP map {} ± {}, full model {} ± {}. \
          The paper (5 runs): the GP map varies more early, is comparable after 10 trials and slightly better after \
          the 8th (p < .05).",
         data.strides,
