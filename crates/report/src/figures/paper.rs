@@ -232,7 +232,15 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
             0.09,
             "full model",
         ),
-        (&gp, &gp_half, "s0", Dash::Solid, Mark::Disc, -0.09, "GP map"),
+        (
+            &gp,
+            &gp_half,
+            "s0",
+            Dash::Solid,
+            Mark::Disc,
+            -0.09,
+            "GP map",
+        ),
     ] {
         let points: Vec<(f64, f64)> = trial
             .iter()
