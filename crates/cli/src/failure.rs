@@ -50,6 +50,12 @@ impl From<LabError> for Failure {
     }
 }
 
+impl From<stridemap_record::RecordError> for Failure {
+    fn from(error: stridemap_record::RecordError) -> Self {
+        LabError::from(error).into()
+    }
+}
+
 impl From<stridemap_report::ReportError> for Failure {
     fn from(error: stridemap_report::ReportError) -> Self {
         Self::Working(error.into())

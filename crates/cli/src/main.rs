@@ -12,10 +12,10 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use clap::error::ErrorKind;
-use stridemap_lab::run::files;
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
+use stridemap_record::files;
 
 /// The git revision from which this binary was built.
 const GIT_REVISION: Option<&str> = option_env!("STRIDEMAP_GIT_REVISION");

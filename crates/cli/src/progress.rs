@@ -8,8 +8,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use stridemap_lab::run::Watcher;
-use stridemap_lab::{Performance, Phase, Progress, StridePhase, Task, Transition, Verdict};
+use stridemap_lab::{Progress, Task};
 use stridemap_learn::TrialSummary;
+use stridemap_record::{Performance, Phase, StridePhase, Transition, Verdict};
 use stridemap_returnmap::StrideEnd;
 
 use crate::output;

@@ -8,10 +8,9 @@
 #![allow(clippy::print_stdout, reason = "a table is what it is for")]
 
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{
-    Batch, StridePhase, StrideRole, Transition, Walk, WalkTimes, Walker, builtin, drive,
-};
+use stridemap_lab::{Batch, Walker, builtin, drive};
 use stridemap_learn::ConstantPolicy;
+use stridemap_record::{StridePhase, StrideRole, Transition, Walk, WalkTimes};
 use stridemap_returnmap::StrideEnd;
 
 /// How long each walks, and over which part the speed is taken.

@@ -12,87 +12,32 @@
 use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_returnmap::{
     LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess,
 };
 
 use crate::error::LabError;
-use crate::fall::RobotFall;
-use crate::guard::GuardWarning;
 use crate::learner::Known;
-use crate::plant::{InPlace, Plant, PlantCounters};
-use crate::poses::{Filming, Pace, Recording};
-use crate::proof::Proof;
+use crate::plant::{Plant, PlantCounters};
+use crate::poses::Filming;
 use crate::reward::reward_of_state;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
-use crate::strides::{
-    Act, ActionSource, Actor, Batch, Performance, StridePhase, StrideRole, Transition, drive,
-};
+use crate::strides::{Act, ActionSource, Actor, Batch, drive};
 use crate::suffices::FEWEST;
 use crate::task::Task;
-use crate::trust::Region;
-use crate::walk::{Walk, Walker};
+use crate::walk::Walker;
+use stridemap_record::{
+    GuardWarning, InPlace, Iteration, Pace, Performance, Phase, Recording, RobotFall, Seconds,
+    StridePhase, StrideRole, Transition, Walk,
+};
 
 /// Robot time from a fresh start up to which a time lapse is recorded.
 const LAPSE_S: f64 = 60.0;
 
 /// About the duration of a stride of the nominal gait, for where a film begins.
 const WARM_UP_STRIDE_S: f64 = 0.6;
-
-/// Wall-clock seconds spent, by kind of work.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Seconds {
-    /// On the robot: simulation, sections, gait.
-    pub simulation: f64,
-    /// Fitting maps.
-    pub fit: f64,
-    /// Learning in maps.
-    pub improve: f64,
-}
-
-/// One iteration of Algorithm 1, as far as it has come.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Iteration {
-    /// From 1.
-    pub iteration: usize,
-    /// Strides on the robot that this iteration made, training and evaluation.
-    pub strides: usize,
-    /// Falls on the robot in this iteration, in warm-up as well.
-    pub falls: usize,
-    /// Stalls on the robot in this iteration, in warm-up as well.
-    pub stalls: usize,
-    /// Warm-up strides of this iteration.
-    pub warm_up: usize,
-    /// Log marginal likelihood of each output of the map.
-    pub log_marginal_likelihood: Vec<f64>,
-    /// The policy as evaluated on the robot to choose; `None` without evaluation strides.
-    pub evaluation: Option<Performance>,
-    /// How the robot stepped in place at the start of this iteration's batch; where a threshold is
-    /// relative to it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub in_place: Option<InPlace>,
-    /// Spread of what the map of this iteration cannot predict of the pitch rate (leave one out; by
-    /// the median, because strides before a fall are not what is usual); with caution only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pitch_rate_residual_deg_s: Option<f64>,
-    /// What became of the policy on the robot; with caution only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub proof: Option<Proof>,
-    /// Where the policy was allowed to lie; with caution only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub trust_region: Option<Region>,
-    /// Every warning of the guard, in exploration and proof; with caution only.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub warnings: Vec<GuardWarning>,
-    /// The policy as measured on the robot to report.
-    pub record: Option<Performance>,
-    /// The policy as measured to be final, if that did not beat the nominal gait: it is not handed out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rejected: Option<Performance>,
-}
 
 /// What a run has come to.
 #[derive(Clone, Debug, Default)]
@@ -198,24 +143,6 @@ impl Recorder for NoRecorder {
     fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
         Ok(())
     }
-}
-
-/// A phase of a run, in the order in which they come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// The nominal gait was measured.
-    Nominal,
-    /// The strides of this iteration were collected.
-    Collect,
-    /// The policy of this iteration was improved (the map is fitted anew from the strides).
-    Improve,
-    /// The policy was evaluated on the robot.
-    Evaluate,
-    /// The policy was measured to report.
-    Record,
-    /// The final policy was measured.
-    Final,
 }
 
 /// A run of Algorithm 1: a task, a robot and what has been achieved so far.

@@ -2,15 +2,13 @@
 //! the map beside the robot's own.
 
 use serde::{Deserialize, Serialize};
+use stridemap_record::{InPlace, Proof, StrideRole, Transition};
 use stridemap_returnmap::{Kick, MapDraw, MapInput, StrideEnd, decay_after_kick};
 
 use crate::algorithm::{Progress, fit_map};
 use crate::error::{Invalid, LabError};
-use crate::plant::InPlace;
-use crate::proof::Proof;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
-use crate::strides::{StrideRole, Transition};
 use crate::task::Task;
 
 /// Every which stride is held out.

@@ -5,12 +5,14 @@ use stridemap_returnmap::StrideProcess;
 use crate::algorithm::{Algorithm, Recorder};
 use crate::caution::CautionConfig;
 use crate::error::LabError;
-use crate::guard::GuardWarning;
 use crate::guarded::GuardedExplorer;
 use crate::plant::PlantCounters;
-use crate::proof::{Proof, Prover, Verdict, shrunk};
+use crate::proof::{Prover, shrunk};
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, Performance, StridePhase, StrideRole, Transition};
+use crate::strides::{ActionSource, Batch};
+use stridemap_record::{
+    GuardWarning, Performance, Proof, StridePhase, StrideRole, Transition, Verdict,
+};
 
 impl Algorithm<'_> {
     /// Strides of the budget that are left; without a budget there is no end.

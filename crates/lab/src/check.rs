@@ -3,13 +3,14 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
+use stridemap_record::{StridePhase, StrideRole};
 use stridemap_returnmap::{ProcessError, StrideEnd};
 use stridemap_robot::{Robot, Side};
 
 use crate::error::LabError;
 use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, make_strides};
+use crate::strides::{ActionSource, Batch, make_strides};
 use crate::task::{ExploreConfig, Task};
 
 /// Strides with random actions to see whether the action moves the map.

@@ -8,46 +8,11 @@ use stridemap_learn::SavedPolicy;
 
 use crate::algorithm::Progress;
 use crate::error::LabError;
-use crate::proof::Proof;
-use crate::strides::{Performance, StrideRole};
 use crate::task::Task;
+use stridemap_record::{Performance, Proof, StrideRole};
 
 /// By how many standard errors the reward of a final policy must exceed that of the nominal gait.
 const STANDARD_ERRORS: f64 = 2.0;
-
-impl Performance {
-    /// Whether this is better than `other`: fewer falls and stalls per stride; with as many, a mean reward that
-    /// is higher by more than so many standard errors of the difference (as if strides were independent).
-    ///
-    /// # Example
-    ///
-    /// Means 0.1 apart with standard errors of 0.03 and 0.04: the difference has 0.05.
-    ///
-    /// ```
-    /// use stridemap_lab::Performance;
-    ///
-    /// let of = |mean_reward, sd, falls| Performance {
-    ///     strides: 100,
-    ///     mean_reward,
-    ///     reward_sd: Some(sd),
-    ///     falls,
-    ///     ..Performance::default()
-    /// };
-    /// let (a, b) = (of(-0.2, 0.3, 0), of(-0.1, 0.4, 0));
-    /// assert!(b.beats(&a, 1.9) && !b.beats(&a, 2.1));
-    /// // Falls come first.
-    /// assert!(!of(-0.1, 0.4, 1).beats(&a, 0.0) && a.beats(&of(-0.1, 0.4, 1), 2.0));
-    /// ```
-    #[must_use]
-    pub fn beats(&self, other: &Self, standard_errors: f64) -> bool {
-        // a / n against b / m, without dividing by nothing.
-        let failures = |p: &Self, q: &Self| (p.falls + p.stalls) * q.strides.max(1);
-        let variance = |p: &Self| p.reward_sd.unwrap_or(0.0).powi(2) / p.strides.max(1) as f64;
-        let (own, others) = (failures(self, other), failures(other, self));
-        let margin = standard_errors * (variance(self) + variance(other)).sqrt();
-        own < others || (own == others && self.mean_reward > other.mean_reward + margin)
-    }
-}
 
 impl Progress {
     /// What became of each policy, in their order; empty without caution.
@@ -135,9 +100,8 @@ impl Progress {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algorithm::Iteration;
     use crate::builtin;
-    use crate::proof::Verdict;
+    use stridemap_record::{Iteration, Verdict};
 
     fn measured(mean_reward: f64, falls: usize) -> Performance {
         Performance {

@@ -5,51 +5,18 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
+use stridemap_record::{Iteration, Performance, Spread, StridePhase, StrideRole};
 use stridemap_returnmap::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 
-use crate::algorithm::{Algorithm, Iteration, NoRecorder};
+use crate::algorithm::{Algorithm, NoRecorder};
 use crate::error::LabError;
 use crate::plant::Plant;
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, Performance, StridePhase, StrideRole, make_strides};
+use crate::strides::{ActionSource, Batch, make_strides};
 use crate::task::Task;
 
 /// Strides over which a frozen policy is measured on the robot.
 pub const STRIDES_PER_POINT: usize = 20;
-
-/// Mean and standard deviation over seeds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Spread {
-    /// Mean.
-    pub mean: f64,
-    /// Standard deviation, with n − 1; null for one seed.
-    pub sd: Option<f64>,
-}
-
-impl Spread {
-    /// Mean and standard deviation of numbers; zero for none.
-    ///
-    /// # Example
-    ///
-    /// ```
-    /// let s = stridemap_lab::Spread::of(&[1.0, 2.0, 3.0]);
-    /// assert_eq!((s.mean, s.sd), (2.0, Some(1.0)));
-    /// ```
-    #[must_use]
-    pub fn of(values: &[f64]) -> Self {
-        let n = values.len() as f64;
-        let mean = if values.is_empty() {
-            0.0
-        } else {
-            values.iter().sum::<f64>() / n
-        };
-        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        Self {
-            mean,
-            sd: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()),
-        }
-    }
-}
 
 /// One point of the two learning curves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,11 +7,10 @@ use stridemap_gait::GaitError;
 use stridemap_gp::GpError;
 use stridemap_learn::LearnError;
 use stridemap_mujoco::MujocoError;
+use stridemap_record::{Fall, RecordError, RobotFall};
 use stridemap_returnmap::{AnalysisError, ProcessError};
 use stridemap_robot::RobotError;
 use stridemap_section::SectionError;
-
-use crate::fall::{Fall, RobotFall};
 
 /// A value of a task that its type allows and its meaning does not.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -124,32 +123,9 @@ pub enum LabError {
         /// Fewest that a map can be fitted to.
         needed: usize,
     },
-    /// A file or directory cannot be read or written.
-    #[error("{path}: cannot {doing}: {source}")]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What was being done, e.g. `"write"`.
-        doing: &'static str,
-        /// The system's answer.
-        source: std::io::Error,
-    },
-    /// A result could not be written where it was asked for; found before the work for it.
-    #[error("{path}: cannot be written: {source}")]
-    Unwritable {
-        /// The file or directory.
-        path: PathBuf,
-        /// The system's answer.
-        source: std::io::Error,
-    },
-    /// A run is being written by another process.
-    #[error("{path}: {source}")]
-    Locked {
-        /// The run directory.
-        path: PathBuf,
-        /// Who has it.
-        source: stridemap_files::LockError,
-    },
+    /// A file of a run cannot be read or written, or holds something else than it should.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// What would go on with a run is not what made it.
     #[error(
         "{path}: going on would mix two runs: {}; undo what was changed, or {}",
@@ -167,16 +143,6 @@ pub enum LabError {
         differences: Vec<String>,
         /// Whether a stride was made.
         begun: bool,
-    },
-    /// A file holds something else than it should.
-    #[error("{path}{}: {problem}", line.map(|l| format!(":{l}")).unwrap_or_default())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// One-based line, where known.
-        line: Option<usize>,
-        /// What is wrong, and what to do.
-        problem: String,
     },
     /// A directory holds a run already, or is not one.
     #[error("{path}: {problem}")]
@@ -208,6 +174,9 @@ impl LabError {
     /// working (exit code 1).
     #[must_use]
     pub const fn is_request(&self) -> bool {
+        if let Self::Record(error) = self {
+            return error.is_request();
+        }
         matches!(
             self,
             Self::Config(_)
@@ -217,11 +186,8 @@ impl LabError {
                 | Self::NotHere
                 | Self::Section(_)
                 | Self::Mujoco(_)
-                | Self::Unwritable { .. }
-                | Self::Locked { .. }
                 | Self::Mixed { .. }
                 | Self::RunDirectory { .. }
-                | Self::Content { .. }
                 | Self::Learn(LearnError::Parameter { .. } | LearnError::Length { .. })
                 | Self::Process(ProcessError::Parameter { .. })
         )

@@ -3,15 +3,12 @@
 //! A stride ends as a fall when one of four criteria is met. Which one, with the value that was
 //! measured and the threshold that it passed, is data, and goes wherever a fall is told.
 
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::{MapFailure, StrideEnd};
+use stridemap_record::{Fall, FallCriterion, InPlace};
+use stridemap_returnmap::MapFailure;
 use stridemap_robot::RobotState;
 
-use crate::plant::InPlace;
 use crate::state::StateComponent;
-use crate::strides::{StridePhase, Transition};
 
 /// When a stride counts as a fall or a stall, and what that costs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,102 +32,6 @@ pub struct FailureConfig {
 
 const fn is_false(value: &bool) -> bool {
     !*value
-}
-
-/// By what a fall is told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FallCriterion {
-    /// `ψ_roll` at a section, deg.
-    PsiRoll,
-    /// Height of the centre of mass, as a share of its first.
-    Height,
-    /// Tilt of the base, deg.
-    Tilt,
-    /// Time without a section, s: a stall.
-    NoSection,
-}
-
-impl FallCriterion {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::PsiRoll, Self::Height, Self::Tilt, Self::NoSection];
-
-    /// The word used in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::PsiRoll => "psi_roll",
-            Self::Height => "height",
-            Self::Tilt => "tilt",
-            Self::NoSection => "no_section",
-        }
-    }
-
-    /// The key of a task that holds its threshold.
-    #[must_use]
-    pub const fn key(self) -> &'static str {
-        match self {
-            Self::PsiRoll => "failure.psi_roll_below_deg",
-            Self::Height => "failure.com_height_below",
-            Self::Tilt => "failure.tilt_above_deg",
-            Self::NoSection => "failure.no_section_s",
-        }
-    }
-
-    /// How a stride that it ended is said to have ended.
-    #[must_use]
-    pub const fn end(self) -> StrideEnd {
-        match self {
-            Self::NoSection => StrideEnd::NoCrossing,
-            _ => StrideEnd::Fell,
-        }
-    }
-}
-
-/// The cause of a fall or a stall.
-///
-/// # Example
-///
-/// ```
-/// use stridemap_lab::{Fall, FallCriterion};
-///
-/// let fall = Fall { criterion: FallCriterion::PsiRoll, value: -0.312, threshold: 0.0 };
-/// assert_eq!(fall.to_string(), "psi_roll -0.31 deg, below 0 (failure.psi_roll_below_deg)");
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Fall {
-    /// By what it is told.
-    pub criterion: FallCriterion,
-    /// What was measured, in the criterion's unit.
-    pub value: f64,
-    /// What it passed, in the same unit. A relative threshold is here as it was on this robot.
-    pub threshold: f64,
-}
-
-impl fmt::Display for Fall {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (value, key) = (self.value, self.criterion.key());
-        // As many digits as a threshold needs, and no more.
-        let threshold = (self.threshold * 1e3).round() / 1e3;
-        match self.criterion {
-            FallCriterion::PsiRoll => {
-                write!(f, "psi_roll {value:.2} deg, below {threshold} ({key})")
-            }
-            FallCriterion::Height => {
-                write!(
-                    f,
-                    "height {value:.2} of the first, below {threshold} ({key})"
-                )
-            }
-            FallCriterion::Tilt => write!(f, "tilt {value:.1} deg, above {threshold} ({key})"),
-            FallCriterion::NoSection => {
-                write!(
-                    f,
-                    "no section for {value:.2} s, more than {threshold} ({key})"
-                )
-            }
-        }
-    }
 }
 
 impl FailureConfig {
@@ -197,54 +98,10 @@ impl FailureConfig {
     }
 }
 
-/// A fall on the robot, and when it was.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RobotFall {
-    /// Iteration of Algorithm 1, from 1.
-    pub iteration: usize,
-    /// In which phase of the run.
-    pub phase: StridePhase,
-    /// The measured policy (`"nominal"`, `"iteration-1"`, `"final"`) of a record stride.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub what: Option<String>,
-    /// The stride among those of its batch, from 1; null for a fall in a start, before the first stride.
-    pub stride: Option<usize>,
-    /// Its cause.
-    #[serde(flatten)]
-    pub fall: Fall,
-}
-
-impl RobotFall {
-    /// The falls with a known cause among strides of one batch.
-    pub(crate) fn among(strides: &[Transition]) -> impl Iterator<Item = Self> {
-        strides.iter().enumerate().filter_map(|(i, t)| {
-            Some(Self {
-                iteration: t.iteration,
-                phase: t.phase,
-                what: None,
-                stride: Some(i + 1),
-                fall: t.fall?,
-            })
-        })
-    }
-}
-
-impl fmt::Display for RobotFall {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (&self.what, self.phase) {
-            (Some(what), _) => write!(f, "measuring {what}")?,
-            (None, phase) => write!(f, "iteration {}, {}", self.iteration, phase.name())?,
-        }
-        match self.stride {
-            Some(stride) => write!(f, ", stride {stride}: {}", self.fall),
-            None => write!(f, ", in a start: {}", self.fall),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stridemap_returnmap::StrideEnd;
 
     /// A robot 0.5 m high, upright unless said otherwise.
     fn state(height_m: f64, tilt_deg: f64) -> RobotState {

@@ -11,8 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::mean_roll::{MeanRoll, MeanRollConfig, MeanRollLimit};
-use crate::measure::StrideMeasures;
-use crate::plant::InPlace;
+use stridemap_record::{InPlace, StrideMeasures, Warning};
 
 /// What the guard warns of.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -101,29 +100,6 @@ impl GuardThresholds {
             ..self
         }
     }
-}
-
-/// A warning, and the stride that gave it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GuardWarning {
-    /// Among this iteration's strides on the robot, from 1.
-    pub stride: usize,
-    /// What the guard saw.
-    pub warning: Warning,
-}
-
-/// What the guard saw.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Warning {
-    /// The pitch rate alternates.
-    Flip,
-    /// The robot turns.
-    Turn,
-    /// The mass is near the outer edge of the foot.
-    LowRoll,
-    /// The mass sways less and less far over the foot.
-    HighMeanRoll,
 }
 
 /// Watches the strides of one episode.

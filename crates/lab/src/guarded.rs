@@ -1,10 +1,11 @@
 //! Exploring under guard: after a warning the robot goes back towards the nominal gait for a while.
 
 use rand_chacha::ChaCha8Rng;
+use stridemap_record::{Transition, Warning};
 use stridemap_returnmap::{Action, StrideEnd};
 
-use crate::guard::{Guard, GuardConfig, GuardThresholds, Warning};
-use crate::strides::{Act, ActionSource, Actor, Next, Transition};
+use crate::guard::{Guard, GuardConfig, GuardThresholds};
+use crate::strides::{Act, ActionSource, Actor, Next};
 
 /// Explores; after a warning asks for an action nearer to the nominal gait.
 pub struct GuardedExplorer<'a> {

@@ -5,12 +5,10 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::algorithm::{Algorithm, NoRecorder};
-use crate::compare::Spread;
 use crate::error::LabError;
 use crate::learner::LearnerKind;
-use crate::run::Summary;
 use crate::task::Task;
-use crate::walk::WalkTimes;
+use stridemap_record::{Spread, Summary, Verdict, WalkTimes};
 
 /// Runs a task with one learner and keeps nothing but the summary.
 ///
@@ -23,7 +21,7 @@ pub fn run_learner(task: &Task, kind: LearnerKind, seed: u64) -> Result<Summary,
     task.validate()?;
     let mut algorithm = Algorithm::new(&task, seed)?.however_often_it_falls();
     algorithm.learn(&mut NoRecorder)?;
-    Ok(Summary::of(&task, seed, &algorithm.progress))
+    Ok(algorithm.progress.summary(&task, seed))
 }
 
 /// A mean difference over seeds with its 95 % confidence interval (Student's t, paired).
@@ -129,7 +127,7 @@ impl LearnerRow {
                 .take_while(|i| i.strides_so_far <= strides);
             let proven = done.filter_map(|i| {
                 let proof = i.proof.as_ref()?;
-                let proven = proof.verdict == crate::proof::Verdict::Proven;
+                let proven = proof.verdict == Verdict::Proven;
                 proven.then_some((proof.speed_m_s, i.speed_m_s?))
             });
             let best = proven.fold(None, |best: Option<(f64, f64)>, p| match best {

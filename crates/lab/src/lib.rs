@@ -42,7 +42,6 @@ mod proof;
 mod provenance;
 mod push;
 mod registry;
-mod return_line;
 mod reward;
 mod robots;
 pub mod run;
@@ -58,20 +57,18 @@ mod trust;
 mod truth;
 mod walk;
 
-pub use algorithm::{
-    Algorithm, Iteration, NoRecorder, Phase, Progress, Recorder, Seconds, fit_map,
-};
+pub use algorithm::{Algorithm, NoRecorder, Progress, Recorder, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{
-    ComparePoint, CompareSeed, STRIDES_PER_POINT, Spread, compare_seed, learning_curves, students_t,
+    ComparePoint, CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t,
 };
 pub use error::{Invalid, LabError};
-pub use fall::{FailureConfig, Fall, FallCriterion, RobotFall};
+pub use fall::FailureConfig;
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use gaits::{BuildGait, GaitPart, gaits};
-pub use guard::{Guard, GuardConfig, GuardThresholds, GuardWarning, Warning};
+pub use guard::{Guard, GuardConfig, GuardThresholds};
 pub use guarded::GuardedExplorer;
 pub use learner::{
     ControlsConfig, IntegralAction, IntegralConfig, Known, LearnerKind, LearnerPart,
@@ -79,18 +76,15 @@ pub use learner::{
 };
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
-pub use measure::{StrideMeasures, StrideMeter};
+pub use measure::StrideMeter;
 pub use nominal::{NominalGait, nominal_gait};
 pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
-pub use plant::{
-    InPlace, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver,
-};
-pub use poses::{Pace, PoseRecorder, Recording};
-pub use proof::{Proof, ProofConfig, Prover, Verdict, shrunk};
-pub use provenance::{Asked, Provenance, task_differences};
-pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, PushOutcome, PushPair, push};
+pub use plant::{Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
+pub use poses::PoseRecorder;
+pub use proof::{ProofConfig, Prover, shrunk};
+pub use provenance::{provenance_of, task_differences};
+pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, push};
 pub use registry::{Part, Registry};
-pub use return_line::ReturnMapLine;
 pub use reward::{
     RewardOf, RewardPart, RewardQuantity, RewardTerm, reward, reward_of_state, rewards,
 };
@@ -98,13 +92,10 @@ pub use robots::RobotChoice;
 pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
-pub use strides::{
-    Act, ActionSource, Batch, Next, Performance, StridePhase, StrideRole, Transition, drive,
-    make_strides,
-};
+pub use strides::{Act, ActionSource, Batch, Next, drive, make_strides};
 pub use success::SuccessConfig;
 pub use task::{
     ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task,
 };
-pub use trust::{Region, TrustConfig};
-pub use walk::{Walk, WalkTimes, Walker};
+pub use trust::TrustConfig;
+pub use walk::Walker;

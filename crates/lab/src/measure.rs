@@ -1,6 +1,6 @@
 //! What is measured of a stride, whether or not it is rewarded.
 
-use serde::{Deserialize, Serialize};
+use stridemap_record::StrideMeasures;
 use stridemap_robot::{JointTargets, RobotDescription, RobotState};
 use stridemap_section::Pendulum;
 
@@ -9,64 +9,10 @@ const GRAVITY_M_S2: f64 = 9.81;
 /// Ways under this count as this in the cost of transport.
 const LEAST_WAY_M: f64 = 0.01;
 
-/// What is measured of one stride.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StrideMeasures {
-    /// From section to section.
-    pub duration_s: f64,
-    /// Way of the centre of mass along the episode's first heading.
-    pub forward_m: f64,
-    /// Way of the centre of mass to the left of the episode's first heading.
-    pub left_m: f64,
-    /// Way of the centre of mass along the heading with which the stride began.
-    pub ahead_m: f64,
-    /// Change of heading, + to the left.
-    pub turn_deg: f64,
-    /// `ψ_roll` at the section that ends the stride, mirrored.
-    pub psi_roll_deg: f64,
-    /// `ψ_pitch` at the section that ends the stride.
-    pub psi_pitch_deg: f64,
-    /// `ψ̇_pitch` at the section that ends the stride.
-    pub psi_pitch_rate_deg_s: f64,
-    /// Yaw rate of the pelvis at the section that ends the stride, mirrored: + towards the side of the
-    /// stance leg.
-    pub yaw_rate_deg_s: f64,
-    /// Heading at the section that ends the stride, relative to the episode's first and mirrored
-    /// likewise; it goes on growing over whole turns.
-    pub heading_deg: f64,
-    /// Phase of the gait at the section that ends the stride, as the swing leg sees it, in
-    /// [−180, 180); 0 for a gait without one.
-    pub gait_phase_deg: f64,
-    /// `(1/T) ∫ ψ̇_pitch dt` over the stride \[MA09, eq. (31)\].
-    pub mean_psi_pitch_rate_deg_s: f64,
-    /// `Σ ∫ |τ ω| dt` over the leg joints.
-    pub energy_j: f64,
-    /// Largest vertical force on one foot.
-    pub peak_foot_load_n: f64,
-    /// Root mean square of the difference between the leg joints' angles and the rest posture.
-    pub posture_deviation_deg: f64,
-    /// Energy over weight and the way ahead; ways under a centimetre count as one, because in place
-    /// it would be infinite.
-    pub cost_of_transport: f64,
-}
-
 /// An angle brought into [−π, π).
 pub(crate) fn wrapped_rad(angle_rad: f64) -> f64 {
     use std::f64::consts::PI;
     (angle_rad + PI).rem_euclid(2.0 * PI) - PI
-}
-
-impl StrideMeasures {
-    /// Speed of the stride along the heading with which it began, so that a robot that has turned is
-    /// not called slow.
-    #[must_use]
-    pub fn speed_m_s(&self) -> f64 {
-        if self.duration_s > 0.0 {
-            self.ahead_m / self.duration_s
-        } else {
-            0.0
-        }
-    }
 }
 
 /// Measures one stride after another.

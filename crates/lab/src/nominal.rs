@@ -5,16 +5,17 @@
 
 use std::sync::{Arc, Mutex};
 
+use stridemap_record::{Fall, FallCriterion, InPlace, StridePhase, StrideRole, Transition};
 use stridemap_returnmap::{ProcessError, StrideEnd};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::Crossing;
 
 use crate::error::{Invalid, LabError};
-use crate::fall::{FailureConfig, Fall, FallCriterion};
-use crate::plant::{InPlace, TickObserver};
+use crate::fall::FailureConfig;
+use crate::plant::TickObserver;
 use crate::seed::{Role, stream};
 use crate::strides::{Act, Actor, drive};
-use crate::strides::{ActionSource, Batch, Next, StridePhase, StrideRole, Transition};
+use crate::strides::{ActionSource, Batch, Next};
 use crate::task::{ExploreConfig, Task};
 
 /// How long the nominal gait must step.

@@ -2,13 +2,11 @@
 //! is a count, and every count has a most.
 
 use stridemap_config::walk;
+use stridemap_record::LARGEST;
 use toml::Value;
 
 use crate::error::{Invalid, LabError};
 use crate::task::Task;
-
-/// Largest size of a number, in whatever unit: products of a few of them are still finite.
-pub(crate) const LARGEST: f64 = 1e12;
 
 /// Smallest size of a number that is not zero: the inverse of its square is still finite.
 const SMALLEST: f64 = 1e-100;

@@ -12,6 +12,7 @@ use std::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gait::Gait;
+use stridemap_record::{Fall, InPlace, StrideMeasures, Transition};
 use stridemap_returnmap::{
     ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
 };
@@ -19,11 +20,11 @@ use stridemap_robot::{JointTargets, Robot, RobotError, RobotState, Side};
 use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 
 use crate::error::LabError;
-use crate::fall::{FailureConfig, Fall};
-use crate::measure::{StrideMeasures, StrideMeter, wrapped_rad};
+use crate::fall::FailureConfig;
+use crate::measure::{StrideMeter, wrapped_rad};
 use crate::reward::{RewardTerm, reward};
 use crate::state::{AtSection, StateComponent};
-use crate::strides::{Batch, Transition};
+use crate::strides::Batch;
 use crate::truth::TrueWay;
 
 /// One modulation of the gait as a component of the action.
@@ -74,33 +75,6 @@ impl PlantCounters {
             strides: self.strides - before.strides,
             falls: self.falls - before.falls,
             stalls: self.stalls - before.stalls,
-        }
-    }
-}
-
-/// How the robot steps in place, from the warm-up strides of its last start: what thresholds are
-/// relative to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct InPlace {
-    /// Sections seen after the gait's start-up.
-    pub sections: usize,
-    /// Mean `ψ_roll` over them.
-    pub psi_roll_deg: f64,
-    /// Mean change of `ψ̇_pitch` from one of them to the next, in magnitude.
-    pub pitch_rate_change_deg_s: f64,
-}
-
-impl InPlace {
-    /// The mean over sections with these `(ψ_roll, ψ̇_pitch)`, in degrees and degrees per second.
-    #[must_use]
-    pub fn of(sections: &[(f64, f64)]) -> Self {
-        let n = sections.len();
-        let psi_roll_deg = sections.iter().map(|(psi, _)| psi).sum::<f64>() / n.max(1) as f64;
-        let changes = sections.windows(2).map(|w| (w[1].1 - w[0].1).abs());
-        Self {
-            sections: n,
-            psi_roll_deg,
-            pitch_rate_change_deg_s: changes.sum::<f64>() / n.saturating_sub(1).max(1) as f64,
         }
     }
 }

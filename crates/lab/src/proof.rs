@@ -9,11 +9,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{ConstantPolicy, Policy, SavedPolicy};
+use stridemap_record::{Proof, Transition, Verdict, Warning};
 use stridemap_returnmap::{Action, StrideEnd};
 
 use crate::error::LabError;
-use crate::guard::{Guard, GuardConfig, GuardThresholds, Warning};
-use crate::strides::{Act, Next, Transition};
+use crate::guard::{Guard, GuardConfig, GuardThresholds};
+use crate::strides::{Act, Next};
 
 /// When a policy counts as proven.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,70 +38,6 @@ pub struct ProofConfig {
     pub back_off_strides: usize,
     /// What is taken from the proven action while backing off, per component of the action.
     pub back_off: Vec<f64>,
-}
-
-/// What became of a policy on the robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// It walked the full proof without a warning.
-    Proven,
-    /// It walked the trial and was no faster than the best proven policy.
-    Slower,
-    /// The guard warned.
-    Warned,
-    /// It fell.
-    Fell,
-    /// The budget of strides ended before the proof.
-    Unfinished,
-}
-
-/// A policy's trial or proof on the robot.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Proof {
-    /// What became of it.
-    pub verdict: Verdict,
-    /// What the guard warned of, if it did.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub warning: Option<Warning>,
-    /// Speed along the first heading after the policy had settled.
-    pub speed_m_s: f64,
-    /// Strides without a warning.
-    pub strides: usize,
-    /// How often the policy was tried, shrunk in between.
-    pub attempts: usize,
-    /// The mean action applied after the policy had settled.
-    pub action: Vec<f64>,
-}
-
-impl Proof {
-    /// Whether the policy walked the full proof.
-    #[must_use]
-    pub fn is_proven(&self) -> bool {
-        self.verdict == Verdict::Proven
-    }
-
-    /// Index of the fastest proven one, the earlier of equals.
-    #[must_use]
-    pub fn best(proofs: &[&Self]) -> Option<usize> {
-        let proven = proofs.iter().enumerate().filter(|(_, p)| p.is_proven());
-        proven
-            .fold(None, |best: Option<(usize, f64)>, (i, p)| match best {
-                Some((_, most)) if most >= p.speed_m_s => best,
-                _ => Some((i, p.speed_m_s)),
-            })
-            .map(|(i, _)| i)
-    }
-
-    /// Index of the policy to learn on from: the fastest proven one; without one, the one that walked longest
-    /// before its warning, the later of equals.
-    #[must_use]
-    pub fn start(proofs: &[&Self]) -> Option<usize> {
-        Self::best(proofs).or_else(|| {
-            let by_strides = proofs.iter().enumerate().max_by_key(|(_, p)| p.strides);
-            by_strides.map(|(i, _)| i)
-        })
-    }
 }
 
 /// Walks a policy until it is proven, given up, or the guard warns.

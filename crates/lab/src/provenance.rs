@@ -1,146 +1,51 @@
 //! Where numbers come from.
 
-use std::path::PathBuf;
-
-use serde::{Deserialize, Serialize};
+use stridemap_record::{Provenance, RecordError, key_differences};
 
 use crate::error::LabError;
 use crate::task::Task;
 
-/// Where a run's numbers come from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Provenance {
-    /// Version of Stridemap.
-    pub version: String,
-    /// Git revision of its source, where it was built from a checkout; with `-dirty` if that was
-    /// changed.
-    pub git_revision: Option<String>,
-    /// Version of MuJoCo.
-    pub mujoco_version: String,
-    /// SHA-256 of the robot's model as compiled, with overrides.
-    pub model_hash: String,
-    /// SHA-256 of `model.mjb`, the run's copy of its model file; null where the model is part of the program.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub model_copy_sha256: Option<String>,
-    /// Root of every random stream.
-    pub seed: u64,
-    /// Operating system, architecture and number of processors.
-    pub machine: String,
-    /// The command that repeats the run.
-    pub command: String,
-    /// When it began.
-    pub start: String,
-    /// When it ended; null while it runs, or if it was killed.
-    pub end: Option<String>,
-    /// The task file from which the run was begun, absolute, and what was laid over it; null for a built-in task.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub asked: Option<Asked>,
-    /// The task with every value; null in runs of earlier versions.
-    #[serde(default)]
-    pub task: Option<serde_json::Value>,
-}
-
-/// A task file and what a command line laid over it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Asked {
-    /// The task file.
-    pub file: PathBuf,
-    /// Each `--set`.
-    pub sets: Vec<String>,
-    /// The value of `--robot`.
-    pub robot: Option<String>,
-}
-
-impl Provenance {
-    /// The record of a run that begins now.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::Mujoco`] if the robot cannot be built.
-    pub fn begin(
-        task: &Task,
-        seed: u64,
-        git_revision: Option<&str>,
-        command: String,
-    ) -> Result<Self, LabError> {
-        let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone())
-            .map_err(|error| task.located(error))?;
-        let engine = robot.provenance()?;
-        let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        Ok(Self {
-            version: env!("CARGO_PKG_VERSION").into(),
-            git_revision: git_revision.map(Into::into),
-            mujoco_version: engine.engine.clone(),
-            model_hash: engine.model_sha256.clone(),
-            model_copy_sha256: None,
-            seed,
-            machine: format!(
-                "{} {}, {processors} processors",
-                std::env::consts::OS,
-                std::env::consts::ARCH
-            ),
-            command,
-            start: jiff::Timestamp::now().to_string(),
-            end: None,
-            asked: None,
-            task: Some(as_json(task)?),
-        })
-    }
-
-    /// Says of a run's table that cannot be appended to by which version it was written, and what to do.
-    pub(crate) fn blame(&self, error: LabError) -> LabError {
-        let LabError::Content {
-            path,
-            line,
-            problem,
-        } = error
-        else {
-            return error;
-        };
-        let built = self.git_revision.as_deref().unwrap_or("unknown revision");
-        let problem = format!(
-            "{problem}; the run was written by Stridemap {} ({built}), and that version goes on with it; this one \
-             reads it (fit, evaluate, report), or starts a run of its own with `stridemap learn` and another --out",
-            self.version
-        );
-        LabError::Content {
-            path,
-            line,
-            problem,
-        }
-    }
-
-    /// What of `now` differs from this record in a way that makes numbers another run's: model, MuJoCo, program,
-    /// seed, values of the task. One sentence each.
-    #[must_use]
-    pub fn differences(&self, now: &Self) -> Vec<String> {
-        let mut found = Vec::new();
-        let mut compare = |what: &str, then: &str, now: &str| {
-            if then != now {
-                found.push(format!("{what} was {then}, is {now} now"));
-            }
-        };
-        compare("Stridemap", &self.version, &now.version);
-        compare("the simulator", &self.mujoco_version, &now.mujoco_version);
-        compare("the seed", &self.seed.to_string(), &now.seed.to_string());
-        compare(
-            "the robot's model (SHA-256 as compiled)",
-            &self.model_hash,
-            &now.model_hash,
-        );
-        if let (Some(then), Some(now)) = (&self.task, &now.task) {
-            key_differences(then, now, &mut String::new(), &mut found);
-        }
-        found
-    }
+/// The record of a run that begins now.
+///
+/// # Errors
+///
+/// [`LabError::Mujoco`] if the robot cannot be built.
+pub fn provenance_of(
+    task: &Task,
+    seed: u64,
+    git_revision: Option<&str>,
+    command: String,
+) -> Result<Provenance, LabError> {
+    let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone())
+        .map_err(|error| task.located(error))?;
+    let engine = robot.provenance()?;
+    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    Ok(Provenance {
+        version: env!("CARGO_PKG_VERSION").into(),
+        git_revision: git_revision.map(Into::into),
+        mujoco_version: engine.engine.clone(),
+        model_hash: engine.model_sha256.clone(),
+        model_copy_sha256: None,
+        seed,
+        machine: format!(
+            "{} {}, {processors} processors",
+            std::env::consts::OS,
+            std::env::consts::ARCH
+        ),
+        command,
+        start: jiff::Timestamp::now().to_string(),
+        end: None,
+        asked: None,
+        task: Some(as_json(task)?),
+    })
 }
 
 fn as_json(task: &Task) -> Result<serde_json::Value, LabError> {
-    serde_json::to_value(task).map_err(|error| LabError::Content {
-        path: "provenance.json".into(),
-        line: None,
-        problem: format!("the task cannot be written as JSON: {error}"),
-    })
+    let value = serde_json::to_value(task).map_err(|error| {
+        let problem = format!("the task cannot be written as JSON: {error}");
+        RecordError::content("provenance.json", None, problem)
+    });
+    Ok(value?)
 }
 
 /// The keys in which two tasks differ, with both values. The path of a model file is none of them: files move, and
@@ -148,58 +53,7 @@ fn as_json(task: &Task) -> Result<serde_json::Value, LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError::Content`] if a task cannot be written as JSON.
+/// [`LabError::Record`] if a task cannot be written as JSON.
 pub fn task_differences(then: &Task, now: &Task) -> Result<Vec<String>, LabError> {
-    let mut found = Vec::new();
-    let (then, now) = (as_json(then)?, as_json(now)?);
-    key_differences(&then, &now, &mut String::new(), &mut found);
-    Ok(found)
-}
-
-/// Where a robot is reached is not what it is, and how often it may fall changes no number.
-const MAY_DIFFER: [&str; 3] = ["link.domain", "link.interface", "algorithm.falls_at_most"];
-
-fn key_differences(
-    then: &serde_json::Value,
-    now: &serde_json::Value,
-    key: &mut String,
-    found: &mut Vec<String>,
-) {
-    use serde_json::Value;
-    let mut inner = |name: &str, then: Option<&Value>, now: Option<&Value>| {
-        let before = key.len();
-        if !key.is_empty() {
-            key.push('.');
-        }
-        key.push_str(name);
-        match (then, now) {
-            (Some(then), Some(now)) => key_differences(then, now, key, found),
-            (then, now) if !MAY_DIFFER.contains(&key.as_str()) => {
-                let word = |v: Option<&Value>| v.map_or("left out".into(), Value::to_string);
-                found.push(format!("{key} was {}, is {} now", word(then), word(now)));
-            }
-            _ => {}
-        }
-        key.truncate(before);
-    };
-    match (then, now) {
-        (Value::Object(a), Value::Object(b)) => {
-            let names: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-            for name in names {
-                inner(name, a.get(name), b.get(name));
-            }
-        }
-        (Value::Array(a), Value::Array(b)) if a.iter().chain(b).any(Value::is_object) => {
-            for i in 0..a.len().max(b.len()) {
-                inner(&i.to_string(), a.get(i), b.get(i));
-            }
-        }
-        (then, now) => {
-            let is_file = |v: &Value| v.as_str().is_some_and(|m| m != "biped" && m != "op3");
-            let moved = key == "robot.model" && is_file(then) && is_file(now);
-            if then != now && !moved && !MAY_DIFFER.contains(&key.as_str()) {
-                found.push(format!("{key} was {then}, is {now} now"));
-            }
-        }
-    }
+    Ok(key_differences(&as_json(then)?, &as_json(now)?))
 }

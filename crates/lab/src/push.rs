@@ -3,14 +3,13 @@
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::Policy;
+use stridemap_record::{PushOutcome, PushPair, ReturnMapLine, StridePhase, StrideRole, Transition};
 use stridemap_returnmap::StrideEnd;
 
 use crate::error::LabError;
-use crate::fall::Fall;
 use crate::plant::{Plant, Push};
-use crate::return_line::ReturnMapLine;
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, StridePhase, StrideRole, Transition, make_strides};
+use crate::strides::{ActionSource, Batch, make_strides};
 
 /// Every how many strides the robot is pushed.
 const EVERY: usize = 4;
@@ -49,57 +48,6 @@ impl PushConfig {
             strides,
         }
     }
-}
-
-/// One pair of the return map.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PushPair {
-    /// Stride of the push.
-    pub k: usize,
-    /// `ψ_roll` at the first section after the push.
-    pub psi_roll_deg: f64,
-    /// `ψ_roll` one stride later.
-    pub psi_roll_after_1_deg: f64,
-    /// `ψ_roll` two strides later.
-    pub psi_roll_after_2_deg: f64,
-    /// The force, + to the robot's left.
-    pub force_n: f64,
-}
-
-/// What pushes showed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PushOutcome {
-    /// Slope of the line through the pairs; null with fewer than three pairs.
-    pub slope: Option<f64>,
-    /// Standard error of the slope.
-    pub slope_std_error: Option<f64>,
-    /// Where the line meets the diagonal: intercept / (1 − slope).
-    pub fixed_point_deg: Option<f64>,
-    /// The return map ψ(k) → ψ(k+1) of the same pushes; null with fewer than three pairs.
-    #[serde(default)]
-    pub after_1: Option<ReturnMapLine>,
-    /// Falls, all of them; pairs with a fall in them are left out.
-    pub falls: usize,
-    /// The causes of falls and stalls, those of starts as well.
-    #[serde(default)]
-    pub causes: Vec<Fall>,
-    /// Pairs behind the line.
-    pub pairs: usize,
-    /// Strides made.
-    pub strides: usize,
-    /// The largest force.
-    pub force_n: f64,
-    /// How long each push acted.
-    pub duration_s: f64,
-    /// The largest impulse: force times duration.
-    #[serde(default)]
-    pub impulse_n_s: f64,
-    /// The change of velocity that it gives the whole robot.
-    #[serde(default)]
-    pub velocity_change_m_s: f64,
-    /// The pairs.
-    #[serde(skip)]
-    pub data: Vec<PushPair>,
 }
 
 /// Pushes a walking robot and fits its return map ψ(k) → ψ(k+2).

@@ -1,11 +1,12 @@
 //! How many strides a map needs \[MA09, sec. 8.1\].
 
+use stridemap_record::Transition;
 use stridemap_returnmap::{LearnedMap, StrideEnd};
 
 use crate::algorithm::{Algorithm, Recorder, fit_map};
 use crate::error::LabError;
 use crate::plant::PlantCounters;
-use crate::strides::{Batch, Transition};
+use crate::strides::Batch;
 
 /// Strides of a part of a batch that goes on until the map is good enough.
 pub(crate) const PART: usize = 20;
@@ -128,7 +129,7 @@ mod tests {
     use super::*;
     use crate::algorithm::NoRecorder;
     use crate::builtin;
-    use crate::plant::InPlace;
+    use stridemap_record::InPlace;
 
     /// A map knows the strides that it was learned from; when every other one is told the next one's
     /// outcome, it errs by about as much as the data are spread.

@@ -3,8 +3,8 @@
 use stridemap_robot::RobotState;
 use stridemap_section::Pendulum;
 
-use crate::measure::StrideMeasures;
 use crate::registry::{Part, Registry, named};
+use stridemap_record::StrideMeasures;
 
 /// What there is to see where a stride ends.
 pub struct AtSection<'a> {

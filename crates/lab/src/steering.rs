@@ -3,6 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+use stridemap_record::{Performance, StridePhase, StrideRole};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use crate::algorithm::{Algorithm, NoRecorder};
@@ -10,7 +11,7 @@ use crate::error::{Invalid, LabError};
 use crate::plant::Plant;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
-use crate::strides::{ActionSource, Batch, Performance, StridePhase, StrideRole, make_strides};
+use crate::strides::{ActionSource, Batch, make_strides};
 use crate::task::Task;
 
 /// Integral action while it is given strides to settle: action per degree of error and stride.

@@ -3,107 +3,14 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
 use stridemap_learn::Policy;
+use stridemap_record::{StridePhase, StrideRole, Transition};
 use stridemap_returnmap::{Action, State, StrideEnd, StrideProcess};
-use stridemap_robot::Side;
 
-use crate::compare::Spread;
 use crate::error::LabError;
-use crate::fall::Fall;
 use crate::learner::IntegralAction;
-use crate::measure::StrideMeasures;
 use crate::plant::Plant;
-use crate::return_line::ReturnMapLine;
 use crate::task::ExploreConfig;
-use crate::walk::Walk;
-
-/// Why a stride was made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StrideRole {
-    /// Offered to the map.
-    Training,
-    /// Run to choose, prove or stop.
-    Evaluation,
-    /// Run only to report.
-    Record,
-}
-
-impl StrideRole {
-    /// The word used in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Training => "training",
-            Self::Evaluation => "evaluation",
-            Self::Record => "record",
-        }
-    }
-}
-
-/// In which phase of a run a stride was made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StridePhase {
-    /// Exploring, or drawing from the stochastic policy.
-    Collect,
-    /// Running the policy's mean to see how good it is.
-    Evaluate,
-    /// Running a policy's mean to report.
-    Record,
-}
-
-impl StridePhase {
-    /// The word used in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Collect => "collect",
-            Self::Evaluate => "evaluate",
-            Self::Record => "record",
-        }
-    }
-}
-
-/// One stride on the robot: (x, u, x′, reward, how it ended), and where it comes from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Transition {
-    /// Iteration of Algorithm 1, from 1.
-    pub iteration: usize,
-    /// In which phase it was made.
-    pub phase: StridePhase,
-    /// What it is for. Evaluation strides that are offered to the map have the training role.
-    pub role: StrideRole,
-    /// Episode within its phase, from 0; a new one begins with each fresh start.
-    pub episode: usize,
-    /// Stride within its episode, from 0.
-    pub k: usize,
-    /// Robot time at its end, since the fresh start.
-    pub time_s: f64,
-    /// The leg that carried the robot at the section where it began.
-    pub stance: Option<Side>,
-    /// x(k).
-    pub state: State,
-    /// u(k−1), as applied.
-    pub last_action: Action,
-    /// u(k), as applied.
-    pub action: Action,
-    /// x(k+1); the last state known where the stride did not reach the section.
-    pub next_state: State,
-    /// r(k+1).
-    pub reward: f64,
-    /// How it ended.
-    pub end: StrideEnd,
-    /// Why, if it was a fall or a stall; unknown in tables of earlier versions.
-    pub fall: Option<Fall>,
-    /// What was measured of it.
-    pub measures: StrideMeasures,
-    /// `ψ_roll` at its end as a simulator knows it, where the robot only estimates it. Not in files.
-    pub true_psi_roll_deg: Option<f64>,
-    /// Way of the centre of mass along the episode's first heading, likewise. Not in files.
-    pub true_forward_m: Option<f64>,
-}
 
 /// Where actions on the robot come from.
 pub enum ActionSource<'a> {
@@ -320,83 +227,4 @@ pub fn drive(
         }
     }
     Ok(transitions)
-}
-
-/// What a policy achieved over a batch: the numbers of a measured policy.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Performance {
-    /// Strides averaged.
-    pub strides: usize,
-    /// Mean reward over them; a fall scores its own reward.
-    pub mean_reward: f64,
-    /// Standard deviation of the reward over them, with n − 1; `None` for fewer than two.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reward_sd: Option<f64>,
-    /// Mean `ψ_roll` at the section over those that reached one; `None` if none did.
-    pub mean_psi_roll_deg: Option<f64>,
-    /// The same as a simulator knows it, where the robot only estimates it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub true_mean_psi_roll_deg: Option<f64>,
-    /// Falls, among the strides left out of the mean as well.
-    pub falls: usize,
-    /// Stalls, likewise.
-    pub stalls: usize,
-    /// Speed on the ground, where the task measures it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub walk: Option<Walk>,
-    /// Return map k to k + 1 over all strides, the ones left out of the means as well: they show how the
-    /// gait settles.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub return_map_1: Option<ReturnMapLine>,
-    /// Return map k to k + 2, likewise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub return_map_2: Option<ReturnMapLine>,
-}
-
-impl Performance {
-    /// Sums up a batch, leaving its first `discard` strides out of the means.
-    ///
-    /// # Example
-    ///
-    /// ```
-    /// let nothing = stridemap_lab::Performance::of(&[], 0);
-    /// assert_eq!((nothing.strides, nothing.mean_psi_roll_deg), (0, None));
-    /// ```
-    #[must_use]
-    pub fn of(transitions: &[Transition], discard: usize) -> Self {
-        let counted = |end| transitions.iter().filter(|t| t.end == end).count();
-        let kept = transitions.get(discard..).unwrap_or(&[]);
-        let mean = |values: Vec<f64>| {
-            let count = values.len();
-            (count > 0).then(|| values.into_iter().fold(0.0, |sum, v| sum + v) / count as f64)
-        };
-        let crossed = || kept.iter().filter(|t| t.end == StrideEnd::Crossing);
-        let rewards: Vec<f64> = kept.iter().map(|t| t.reward).collect();
-        let Spread {
-            mean: mean_reward,
-            sd: reward_sd,
-        } = Spread::of(&rewards);
-        let truth: Option<Vec<f64>> = crossed().map(|t| t.true_psi_roll_deg).collect();
-        Self {
-            true_mean_psi_roll_deg: truth.and_then(mean),
-            strides: kept.len(),
-            mean_reward,
-            reward_sd,
-            mean_psi_roll_deg: mean(crossed().map(|t| t.measures.psi_roll_deg).collect()),
-            falls: counted(StrideEnd::Fell),
-            stalls: counted(StrideEnd::NoCrossing),
-            walk: None,
-            return_map_1: ReturnMapLine::of(transitions, 1),
-            return_map_2: ReturnMapLine::of(transitions, 2),
-        }
-    }
-
-    /// Mean `ψ_roll` as one reads it.
-    #[must_use]
-    pub fn psi_roll(&self) -> String {
-        self.mean_psi_roll_deg.map_or_else(
-            || "psi_roll unknown: no stride reached the section".into(),
-            |mean| format!("psi_roll {mean:.2} deg"),
-        )
-    }
 }

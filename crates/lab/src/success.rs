@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::reward::RewardQuantity;
-use crate::strides::Performance;
 use crate::task::Task;
+use stridemap_record::Performance;
 
 /// When a run counts as a success, in the summary over seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,9 +5,8 @@
 //! the best proven action, which grows with each success and shrinks with each failure.
 
 use serde::{Deserialize, Serialize};
+use stridemap_record::{Proof, Region, Verdict};
 use stridemap_returnmap::ActionLimits;
-
-use crate::proof::{Proof, Verdict};
 
 /// Parameters of the trust region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,16 +24,7 @@ pub struct TrustConfig {
     pub shrink: f64,
 }
 
-/// A box of actions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Region {
-    /// Lowest, per component.
-    pub lower: Vec<f64>,
-    /// Highest, per component.
-    pub upper: Vec<f64>,
-}
-
-impl Region {
+impl TrustConfig {
     /// The region of the next policy: within the limits; about the best proven action, or without one
     /// about the actions tried.
     ///
@@ -46,7 +36,7 @@ impl Region {
     /// # Example
     ///
     /// ```
-    /// use stridemap_lab::{Region, TrustConfig};
+    /// use stridemap_lab::TrustConfig;
     /// use stridemap_returnmap::ActionLimits;
     ///
     /// let config = TrustConfig {
@@ -63,46 +53,41 @@ impl Region {
     ///     gain: 1.0,
     ///     neutral: 0.0,
     /// };
-    /// let region = Region::next(&config, &[limits], &[[0.0, 6.0]], &[]);
+    /// let region = config.region(&[limits], &[[0.0, 6.0]], &[]);
     /// assert_eq!((region.lower[0], region.upper[0]), (0.0, 6.2));
     /// ```
     #[must_use]
-    pub fn next(
-        config: &TrustConfig,
-        limits: &[ActionLimits],
-        tried: &[[f64; 2]],
-        proofs: &[&Proof],
-    ) -> Self {
+    pub fn region(&self, limits: &[ActionLimits], tried: &[[f64; 2]], proofs: &[&Proof]) -> Region {
         let best = Proof::best(proofs);
         let radius = proofs
             .iter()
             .enumerate()
-            .fold(config.radius, |radius, (i, p)| {
+            .fold(self.radius, |radius, (i, p)| {
                 let before = Proof::best(&proofs[..i]).map(|b| proofs[b].speed_m_s);
                 match (p.verdict, before) {
                     // The first success sets the centre; it says nothing of the radius.
                     (Verdict::Proven, None) => radius,
-                    (Verdict::Proven, Some(speed)) if p.speed_m_s > speed => radius * config.grow,
+                    (Verdict::Proven, Some(speed)) if p.speed_m_s > speed => radius * self.grow,
                     (_, None) => radius,
-                    _ => radius * config.shrink,
+                    _ => radius * self.shrink,
                 }
             });
         let range = |i: usize| match best {
             Some(b) => {
-                let reach = radius * config.unit[i];
+                let reach = radius * self.unit[i];
                 [proofs[b].action[i] - reach, proofs[b].action[i] + reach]
             }
             None => {
                 // Nothing proven and something failed: the box shrinks towards the nominal gait.
-                let margin = config.first_margin * config.unit[i];
+                let margin = self.first_margin * self.unit[i];
                 let neutral = limits[i].neutral;
-                let share = config.shrink.powi(proofs.len() as i32);
+                let share = self.shrink.powi(proofs.len() as i32);
                 [tried[i][0] - margin, tried[i][1] + margin]
                     .map(|edge| neutral + share * (edge - neutral))
             }
         };
         let within = |i: usize, v: f64| v.clamp(limits[i].lower, limits[i].upper);
-        Self {
+        Region {
             lower: (0..limits.len()).map(|i| within(i, range(i)[0])).collect(),
             upper: (0..limits.len()).map(|i| within(i, range(i)[1])).collect(),
         }
@@ -111,28 +96,17 @@ impl Region {
     /// The fixed region of a search on the robot that has no centre of its own: the actions that the
     /// first batch would explore, a radius wider.
     #[must_use]
-    pub fn searched(config: &TrustConfig, limits: &[ActionLimits], tried: &[[f64; 2]]) -> Self {
+    pub fn searched(&self, limits: &[ActionLimits], tried: &[[f64; 2]]) -> Region {
         let edge = |i: usize, v: f64| v.clamp(limits[i].lower, limits[i].upper);
-        let reach = |i: usize| config.radius * config.unit[i];
+        let reach = |i: usize| self.radius * self.unit[i];
         let all = 0..limits.len();
-        Self {
+        Region {
             lower: all
                 .clone()
                 .map(|i| edge(i, tried[i][0] - reach(i)))
                 .collect(),
             upper: all.map(|i| edge(i, tried[i][1] + reach(i))).collect(),
         }
-    }
-
-    /// The point of the region nearest to another.
-    #[must_use]
-    pub fn nearest(&self, point: &[f64]) -> Vec<f64> {
-        let bounds = self.lower.iter().zip(&self.upper);
-        point
-            .iter()
-            .zip(bounds)
-            .map(|(p, (l, u))| p.clamp(*l, *u))
-            .collect()
     }
 }
 
@@ -169,7 +143,7 @@ mod tests {
         }];
         let upper = |proofs: &[Proof]| {
             let list: Vec<&Proof> = proofs.iter().collect();
-            Region::next(&config, &limits, &[[0.0, 6.0]], &list).upper[0]
+            config.region(&limits, &[[0.0, 6.0]], &list).upper[0]
         };
         let first = proof(Verdict::Proven, 0.3, 6.0);
         let faster = proof(Verdict::Proven, 0.4, 7.0);

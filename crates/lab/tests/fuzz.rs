@@ -6,10 +6,11 @@
 use std::path::{Path, PathBuf};
 
 use stridemap_gp::{Gp, Hyperparameters, Kernel, Mean, Points, SparseGp, SparseMethod};
-use stridemap_lab::run::{FinishedRun, TransitionTable, files};
-use stridemap_lab::{LabError, builtin};
+use stridemap_lab::builtin;
+use stridemap_lab::run::FinishedRun;
 use stridemap_learn::{Policy, SavedPolicy};
 use stridemap_mutate::{Corpus, fuzz};
+use stridemap_record::{Columns, Rows, files};
 use stridemap_returnmap::SavedMap;
 
 fn corpus(kind: &str) -> PathBuf {
@@ -33,7 +34,7 @@ impl Slot {
     }
 }
 
-fn names(error: &LabError, path: &Path) {
+fn names(error: &dyn std::error::Error, path: &Path) {
     let (text, name) = (
         error.to_string(),
         path.file_name().unwrap().to_str().unwrap(),
@@ -69,13 +70,13 @@ fn task_files() {
 fn tables_of_strides() {
     let slot = Slot::new("strides.csv");
     let task = builtin::load("stepping", &[]).unwrap().task;
-    let table = TransitionTable::new(&task.process_spec().unwrap());
+    let table = Columns::new(&task.process_spec().unwrap());
     fuzz(
         "table",
         &Corpus::read(&corpus("table")).unwrap(),
         |_, bytes| {
             let path = slot.with(bytes);
-            match table.read(&path, None) {
+            match table.read(&path, Rows::All) {
                 Ok(strides) => {
                     for t in strides {
                         assert!(

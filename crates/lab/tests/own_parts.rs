@@ -22,7 +22,7 @@ fn parts_of_ones_own_are_used_by_name() {
         (Some(true), 60)
     );
     // |ψ − 2 deg| of the nominal gait is about 1 deg, and its weight 0.1.
-    let reward = |m: Option<stridemap_lab::run::Measured>| m.unwrap().performance.mean_reward;
+    let reward = |m: Option<stridemap_record::Measured>| m.unwrap().performance.mean_reward;
     assert!((reward(summary.nominal) + 0.1).abs() < 0.03);
     assert!(reward(summary.final_policy) > -0.02);
 }

@@ -4,7 +4,8 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_lab::{FallCriterion, Plant, Push, builtin};
+use stridemap_lab::{Plant, Push, builtin};
+use stridemap_record::FallCriterion;
 use stridemap_returnmap::{ProcessError, Stride, StrideEnd, StrideProcess};
 
 fn plant(sets: &[&str]) -> Plant {

@@ -7,12 +7,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use stridemap_lab::builtin::{self, LoadedTask};
-use stridemap_lab::run::{FELL_IN_START, FinishedRun, NoWatcher, RunDirectory, Summary};
-use stridemap_lab::{
-    Algorithm, FallCriterion, LabError, Pace, Phase, Progress, Provenance, Recorder, Recording,
-    RobotChoice, Transition,
-};
+use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
+use stridemap_lab::{Algorithm, LabError, Progress, Recorder, RobotChoice, provenance_of};
 use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_record::{FELL_IN_START, FallCriterion, Pace, Phase, Recording, Summary, Transition};
 use stridemap_returnmap::LearnedMap;
 
 /// A short run: two iterations of six strides.
@@ -70,7 +68,7 @@ fn never() -> Arc<AtomicBool> {
 }
 
 fn create(path: &Path, loaded: &LoadedTask, seed: u64) -> Result<RunDirectory, LabError> {
-    let record = Provenance::begin(&loaded.task, seed, None, "test".into()).unwrap();
+    let record = provenance_of(&loaded.task, seed, None, "test".into()).unwrap();
     RunDirectory::create(path, &loaded.task, &record, never(), Box::new(NoWatcher))
 }
 

@@ -4,10 +4,8 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_lab::run::Summary;
-use stridemap_lab::{
-    Algorithm, LearnerKind, NoRecorder, StrideRole, Task, Verdict, analyse, builtin,
-};
+use stridemap_lab::{Algorithm, LearnerKind, NoRecorder, Task, analyse, builtin};
+use stridemap_record::{StrideRole, Summary, Verdict};
 use stridemap_returnmap::{Kick, StrideEnd, decay_after_kick};
 
 fn small(name: &str) -> Task {
@@ -47,7 +45,7 @@ fn learned(task: &Task, seed: u64) -> (Summary, usize) {
         .iter()
         .filter(|t| t.end == StrideEnd::Fell)
         .count();
-    (Summary::of(task, seed, progress), falls)
+    (progress.summary(task, seed), falls)
 }
 
 /// Every learner stays within the budget, counts every fall and proves what it calls proven.

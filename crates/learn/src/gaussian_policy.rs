@@ -125,6 +125,13 @@ impl GaussianPolicy {
         &self.spec
     }
 
+    /// Centres of the bases, one row of components of the state each.
+    #[must_use]
+    pub fn centres(&self) -> Vec<Vec<f64>> {
+        let bases = 0..self.network.len();
+        bases.map(|i| self.network.centre(i).to_vec()).collect()
+    }
+
     /// Units of the process's action per output 1.
     #[must_use]
     pub fn action_unit(&self) -> &[f64] {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use stridemap_report::run::Run;
+use stridemap_record::Run;
 use stridemap_report::{Result, write_figures, write_report};
 
 fn main() -> Result<()> {
@@ -11,7 +11,7 @@ fn main() -> Result<()> {
         return Ok(());
     };
     let runs = paths
-        .map(|dir| Run::read(&dir))
+        .map(|dir| Ok(Run::read(&dir)?))
         .collect::<Result<Vec<Run>>>()?;
     if let Some(run) = runs.first() {
         write_figures(run, &out.with_extension("figures"))?;

@@ -14,14 +14,9 @@ pub enum ReportError {
         /// What the operating system said.
         source: std::io::Error,
     },
-    /// A JSON file is not what its format says.
-    #[error("{path}: {source}")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// What was expected, with line and column.
-        source: serde_json::Error,
-    },
+    /// A file of a run is not what it should be.
+    #[error(transparent)]
+    Record(#[from] stridemap_record::RecordError),
     /// A run could not be composed as MCAP.
     #[error("{path}: cannot be composed as MCAP: {reason}")]
     Mcap {
@@ -29,38 +24,6 @@ pub enum ReportError {
         path: PathBuf,
         /// What was wrong.
         reason: String,
-    },
-    /// A CSV file is not a table.
-    #[error("{path}: {source}")]
-    Csv {
-        /// The file.
-        path: PathBuf,
-        /// What was found, with its line.
-        source: csv::Error,
-    },
-    /// A column that the format promises is absent.
-    #[error("{path}: no column `{column}`; found {found}")]
-    Column {
-        /// The file.
-        path: PathBuf,
-        /// The column looked for.
-        column: String,
-        /// The columns that are there.
-        found: String,
-    },
-    /// A cell is not what its column holds.
-    #[error("{path}, line {line}: column `{column}` holds `{found}`, expected {expected}")]
-    Cell {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, the header being line 1.
-        line: u64,
-        /// The column.
-        column: String,
-        /// The text of the cell.
-        found: String,
-        /// What a cell of this column holds.
-        expected: &'static str,
     },
     /// Two columns of a figure's data that must be equally long are not.
     #[error("{figure}: `{column}` has {found} values, expected {expected}")]

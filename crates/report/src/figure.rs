@@ -4,17 +4,15 @@ use std::fs;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use resvg::{tiny_skia, usvg};
-use serde::{Deserialize, Serialize};
-
 use crate::draw::{REGULAR, SEMI_BOLD};
 use crate::error::{ReportError, Result};
+use resvg::{tiny_skia, usvg};
 
 /// Pixels of the PNG per pixel of the SVG.
 const PNG_SCALE: f32 = 2.5;
 
 /// A datum that the page shows when the pointer or the keyboard comes to it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct HoverPoint {
     /// Column in the figure's own pixels.
     pub x: f64,

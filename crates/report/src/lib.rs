@@ -1,7 +1,7 @@
 //! Reads run directories and draws them; computes nothing new.
 //!
 //! Every figure is a function from plain data to a [`Figure`], which writes itself as SVG, PNG and CSV.
-//! A [`run::Run`] is a run directory read as far as it goes; [`write_report`] makes one page of one or several.
+//! A [`Run`](stridemap_record::Run) is a run directory read as far as it goes; [`write_report`] makes one page of one or several.
 //!
 //! ```
 //! use stridemap_report::figures::{SuccessRate, success_against_strides};
@@ -21,7 +21,6 @@ mod figure;
 pub mod figures;
 mod page;
 mod report;
-pub mod run;
 mod view;
 
 pub use error::{ReportError, Result};

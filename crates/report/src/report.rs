@@ -11,7 +11,8 @@ use crate::figures::{
     pushed_one_stride, runs_compared, standardized_residuals, state_over_strides,
     undisturbed_return_maps,
 };
-use crate::run::{Measured, Pushed, Run, StrideEnd, StrideRow};
+use stridemap_record::{Measured, PushOutcome, PushPair, Run, Transition, World};
+use stridemap_returnmap::StrideEnd;
 
 /// A part of the report of one run: a question, its figures, and what could not be drawn.
 #[derive(Clone, Debug, Default)]
@@ -47,11 +48,15 @@ impl Section {
     }
 }
 
-fn recorded(run: &Run, what: &str) -> Vec<StrideRow> {
+fn level(measured: Option<Measured>) -> Option<f64> {
+    measured.map(|m| m.performance.mean_reward)
+}
+
+fn recorded(run: &Run, what: &str) -> Vec<Transition> {
     run.record
         .iter()
-        .filter(|r| r.what == what)
-        .cloned()
+        .filter(|r| r.0 == what)
+        .map(|r| r.1.clone())
         .collect()
 }
 
@@ -81,7 +86,6 @@ fn learned_at_all(run: &Run) -> Section {
             .filter_map(|i| i.mean_reward)
             .max_by(f64::total_cmp)
     });
-    let level = |m: Option<crate::run::Measured>| m.and_then(|m| m.mean_reward);
     section.draw(
         "Learning curve",
         learning_curves(&LearningCurves {
@@ -136,7 +140,7 @@ fn action_figure(run: &Run) -> ActionFigure {
             .map(|i| ActionIteration {
                 iteration: i.iteration,
                 region: i.trust_region.clone(),
-                verdict: i.proof.as_ref().map(|p| p.verdict.clone()),
+                verdict: i.proof.as_ref().map(|p| p.verdict),
                 warnings: i.warnings.clone(),
             })
             .collect(),
@@ -150,7 +154,7 @@ fn action_figure(run: &Run) -> ActionFigure {
 
 fn what_it_learned(run: &Run) -> Section {
     let mut section = Section::new("map", "What did it learn?");
-    let training = |until: u32| -> Vec<StrideRow> {
+    let training = |until: usize| -> Vec<Transition> {
         let data = run.map_strides(until);
         data.filter(|s| s.end != StrideEnd::Aborted)
             .cloned()
@@ -168,7 +172,7 @@ fn what_it_learned(run: &Run) -> Section {
                 columns: run.columns.clone(),
                 grid: grid.clone(),
                 earlier: policies.filter(|p| p.0 != *iteration).cloned().collect(),
-                strides: training(u32::MAX),
+                strides: training(usize::MAX),
             }),
         ),
     }
@@ -230,12 +234,9 @@ fn stability(run: &Run) -> Section {
     let mut section = Section::new("stable", "Is it stable?");
     let stretches = |what: &str| -> Vec<Vec<f64>> {
         let mut out: Vec<Vec<f64>> = Vec::new();
-        let mut last: Option<(u64, u64)> = None;
-        for s in run
-            .record
-            .iter()
-            .filter(|s| s.what == what && s.end == StrideEnd::Crossing)
-        {
+        let mut last: Option<(usize, usize)> = None;
+        let crossed = recorded(run, what).into_iter();
+        for s in crossed.filter(|s| s.end == StrideEnd::Crossing) {
             let Some(x) = s.next_state.first() else {
                 continue;
             };
@@ -250,7 +251,10 @@ fn stability(run: &Run) -> Section {
     };
     if let Some(name) = run.columns.state.first() {
         let summary = run.summary.as_ref();
-        let lines = |m: Option<Measured>| m.map_or([None; 2], |m| [m.return_map_1, m.return_map_2]);
+        let lines = |m: Option<Measured>| {
+            let m = m.map(|m| m.performance);
+            m.map_or([None; 2], |m| [m.return_map_1, m.return_map_2])
+        };
         let is_psi = name.starts_with("psi_roll");
         let runs: Vec<Undisturbed> = [
             ("nominal", "nominal gait", summary.and_then(|s| s.nominal)),
@@ -284,7 +288,7 @@ fn stability(run: &Run) -> Section {
 
 /// The return maps under pushes, one and two strides on.
 fn pushed(run: &Run, section: &mut Section) {
-    let pushes: Vec<(&str, &Pushed)> = [
+    let pushes: Vec<(&str, &PushOutcome)> = [
         ("nominal gait", &run.push_nominal),
         ("learned policy", &run.push),
     ]
@@ -301,27 +305,26 @@ fn pushed(run: &Run, section: &mut Section) {
     let figure = |maps: Vec<ReturnMap>| Fig10 {
         maps,
         target_deg: run.target_deg(),
-        force_n: setting.summary.force_n,
-        duration_s: setting.summary.duration_s,
+        force_n: Some(setting.force_n),
+        duration_s: Some(setting.duration_s),
     };
-    let one_on = pushes.iter().filter(|(_, p)| !p.after_1_deg.is_empty());
-    let one_on: Vec<ReturnMap> = one_on
-        .map(|(name, p)| ReturnMap {
-            name: (*name).to_owned(),
-            pairs: p
-                .pairs
-                .iter()
-                .zip(&p.after_1_deg)
-                .map(|(pair, after)| ReturnPair {
-                    psi_roll_after_2_deg: *after,
-                    ..*pair
-                })
-                .collect(),
-            slope: p.summary.after_1.map(|l| l.slope),
-            fixed_point_deg: p.summary.after_1.and_then(|l| l.fixed_point_deg),
-            falls: p.summary.falls,
-        })
-        .collect();
+    let pairs = |p: &PushOutcome, after: fn(&PushPair) -> f64| -> Vec<ReturnPair> {
+        let pairs = p.data.iter().map(|pair| ReturnPair {
+            psi_roll_deg: pair.psi_roll_deg,
+            psi_roll_after_2_deg: after(pair),
+            force_n: Some(pair.force_n),
+        });
+        let known = pairs.filter(|pair| pair.psi_roll_after_2_deg.is_finite());
+        known.collect()
+    };
+    let one_on = pushes.iter().map(|(name, p)| ReturnMap {
+        name: (*name).to_owned(),
+        pairs: pairs(p, |pair| pair.psi_roll_after_1_deg),
+        slope: p.after_1.map(|l| l.slope),
+        fixed_point_deg: p.after_1.and_then(|l| l.fixed_point_deg),
+        falls: p.falls,
+    });
+    let one_on: Vec<ReturnMap> = one_on.filter(|map| !map.pairs.is_empty()).collect();
     if !one_on.is_empty() {
         section.draw(
             "Return map under pushes, one stride on",
@@ -330,10 +333,10 @@ fn pushed(run: &Run, section: &mut Section) {
     }
     let two_on = pushes.iter().map(|(name, p)| ReturnMap {
         name: (*name).to_owned(),
-        pairs: p.pairs.clone(),
-        slope: p.summary.slope,
-        fixed_point_deg: p.summary.fixed_point_deg,
-        falls: p.summary.falls,
+        pairs: pairs(p, |pair| pair.psi_roll_after_2_deg),
+        slope: p.slope,
+        fixed_point_deg: p.fixed_point_deg,
+        falls: p.falls,
     });
     section.draw("Return map under pushes", fig10(&figure(two_on.collect())));
 }
@@ -350,17 +353,17 @@ pub fn comparison(runs: &[Run]) -> Result<Figure> {
             let summary = run.summary.clone().unwrap_or_default();
             RunCurve {
                 name: run.name.clone(),
-                nominal: summary.nominal.and_then(|n| n.mean_reward),
+                nominal: level(summary.nominal),
                 iterations: summary
                     .iterations
                     .iter()
                     .filter_map(|i| Some((i.strides_so_far as f64, i.mean_reward?)))
                     .collect(),
-                final_policy: summary.final_policy.and_then(|p| p.mean_reward),
+                final_policy: level(summary.final_policy),
                 trials: run
                     .learning
                     .iter()
-                    .filter(|t| t.world == "map")
+                    .filter(|t| t.world == World::Map)
                     .map(|t| t.average_reward)
                     .collect(),
                 falls: run.falls().0 as u64,

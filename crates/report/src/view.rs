@@ -22,7 +22,8 @@ use serde_json::{Value, json};
 
 use crate::error::{ReportError, Result};
 use crate::figure::write_aside;
-use crate::run::{Frame, Pose, Recording, Run, Shape, ShapeKind, StrideRow};
+use stridemap_record::{Frame, Recording, Run, StrideRole, Transition};
+use stridemap_robot::{Pose, Shape, ShapeKind};
 
 /// How far the nominal robot stands beside the final one, so that both can be seen at once.
 const BESIDE_M: f64 = 1.2;
@@ -110,7 +111,8 @@ fn messages(run: &Run) -> Log {
             0.0
         };
         add_recording(&mut log, what, recording, left_m);
-        let strides: Vec<&StrideRow> = run.record.iter().filter(|s| s.what == *what).collect();
+        let strides = run.record.iter().filter(|s| s.0 == *what);
+        let strides: Vec<&Transition> = strides.map(|s| &s.1).collect();
         let channel = log.channel(format!("/{what}/section"), "stridemap.Section");
         let first_episode = strides.first().map(|s| s.episode);
         for (step, stride) in strides.iter().enumerate() {
@@ -282,10 +284,11 @@ fn add_learning(log: &mut Log, run: &Run) {
     // The map was fitted to the training strides that reached a section, in this order.
     let mut fitted = 0;
     for (step, stride) in run.transitions.iter().enumerate() {
-        let is_datum = stride.role == "training" && stride.end == crate::run::StrideEnd::Crossing;
+        let is_datum = stride.role == StrideRole::Training
+            && stride.end == stridemap_returnmap::StrideEnd::Crossing;
         let predictions = is_datum.then(|| {
-            let of_output = |o: &crate::run::MapOutput| {
-                let loo = o.leave_one_out.as_ref()?;
+            let of_output = |o: &stridemap_returnmap::SavedOutput| {
+                let loo = &o.leave_one_out;
                 let (mean, std) = (loo.mean.get(fitted)?, loo.std.get(fitted)?);
                 Some((o.name.clone(), json!({ "mean": mean, "std": std })))
             };
@@ -305,14 +308,14 @@ fn add_learning(log: &mut Log, run: &Run) {
     }
 }
 
-fn section(run: &Run, stride: &StrideRow, predictions: Option<BTreeMap<String, Value>>) -> Value {
+fn section(run: &Run, stride: &Transition, predictions: Option<BTreeMap<String, Value>>) -> Value {
     let named = |names: &[String], values: &[f64]| -> BTreeMap<String, f64> {
         names.iter().cloned().zip(values.iter().copied()).collect()
     };
     json!({
         "iteration": stride.iteration,
         "time_s": stride.time_s,
-        "stance": stride.stance,
+        "stance": stride.stance_name(),
         "state": named(&run.columns.state, &stride.state),
         "action": named(&run.columns.action, &stride.action),
         "next_state": named(&run.columns.state, &stride.next_state),
@@ -367,24 +370,19 @@ fn compose(mut log: Log) -> std::result::Result<Vec<u8>, mcap::McapError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::{Columns, StrideEnd};
+    use stridemap_record::Columns;
+    use stridemap_robot::Side;
 
     fn run() -> Run {
-        let stride = |what: &str, time_s: f64| StrideRow {
-            what: what.into(),
+        let stride = |time_s| Transition {
             iteration: 1,
-            phase: "collect".into(),
-            role: "training".into(),
-            episode: 0,
-            k: 0,
             time_s,
-            stance: "left".into(),
-            state: vec![3.0],
-            action: vec![0.5],
-            next_state: vec![2.5],
+            stance: Some(Side::Left),
+            state: [3.0].as_slice().into(),
+            action: [0.5].as_slice().into(),
+            next_state: [2.5].as_slice().into(),
             reward: -0.025,
-            end: StrideEnd::Crossing,
-            fall: None,
+            ..Default::default()
         };
         let shape = Shape {
             name: "foot".into(),
@@ -417,8 +415,11 @@ mod tests {
                 state: vec!["psi_roll_deg".into()],
                 action: vec!["step_deg".into()],
             },
-            record: vec![stride("final", 4.5), stride("nominal", 4.4)],
-            transitions: vec![stride("", 5.0), stride("", 5.6)],
+            record: vec![
+                ("final".into(), stride(4.5)),
+                ("nominal".into(), stride(4.4)),
+            ],
+            transitions: vec![stride(5.0), stride(5.6)],
             recordings: vec![("final".into(), recording)],
             ..Run::default()
         }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use stridemap_mutate::{Corpus, fuzz};
-use stridemap_report::run::Run;
+use stridemap_record::Run;
 use stridemap_report::sections;
 
 #[test]

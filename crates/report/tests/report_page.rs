@@ -6,7 +6,7 @@ mod common;
 
 use common::run::{Faults, write_run};
 use std::path::Path;
-use stridemap_report::run::Run;
+use stridemap_record::Run;
 use stridemap_report::{report_html, write_report};
 
 fn run(seed: u64, faults: Faults) -> Run {

@@ -6,9 +6,13 @@ mod common;
 
 use common::run::{Faults, write_run};
 use std::path::Path;
+use stridemap_record::grid::{MapGrid, PolicyGrid};
+use stridemap_record::{
+    Columns, GuardWarning, Region, ReturnMapLine, Run, StridePhase, Verdict, Warning,
+};
 use stridemap_report::figures::*;
-use stridemap_report::run::{Run, StrideEnd};
 use stridemap_report::*;
+use stridemap_returnmap::StrideEnd;
 
 fn run(faults: Faults) -> (tempfile::TempDir, Run) {
     let dir = tempfile::tempdir().unwrap();
@@ -64,7 +68,7 @@ fn a_whole_run_is_read_and_drawn() {
     let policy = figure(&sections, "policy");
     assert!(
         policy.caption.contains("n = 80 strides")
-            && policy.caption.contains("the 4 basis functions")
+            && policy.caption.contains("the 5 basis functions")
     );
     assert!(
         policy.csv.starts_with(
@@ -216,7 +220,7 @@ fn success_carries_its_interval() {
 
 #[test]
 fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
-    let columns = run::Columns {
+    let columns = Columns {
         state: ["psi_roll_deg", "psi_pitch_deg", "psi_pitch_rate_deg_s"]
             .map(str::to_owned)
             .to_vec(),
@@ -333,17 +337,17 @@ fn actions_show_the_trust_region_and_the_warnings_of_the_guard() {
         ..Faults::default()
     });
     let mut strides = run.transitions.clone();
-    strides[50].phase = "evaluate".into();
+    strides[50].phase = StridePhase::Evaluate;
     let known = ActionIteration {
         iteration: 3,
-        region: Some(run::Region {
+        region: Some(Region {
             lower: vec![0.5],
             upper: vec![2.5],
         }),
-        verdict: Some("warned".into()),
-        warnings: vec![run::Warning {
+        verdict: Some(Verdict::Warned),
+        warnings: vec![GuardWarning {
             stride: 11,
-            warning: "turn".into(),
+            warning: Warning::Turn,
         }],
     };
     let figure = actions(&ActionFigure {
@@ -382,7 +386,7 @@ fn actions_show_the_trust_region_and_the_warnings_of_the_guard() {
 
 #[test]
 fn return_maps_without_pushes_tell_slope_and_fixed_point() {
-    let line = run::ReturnLine {
+    let line = ReturnMapLine {
         slope: 0.5,
         slope_std_error: 0.1,
         fixed_point_deg: Some(2.0),

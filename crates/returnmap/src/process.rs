@@ -38,10 +38,11 @@ pub struct ProcessSpec {
 }
 
 /// How a stride ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StrideEnd {
     /// The next section was reached.
+    #[default]
     Crossing,
     /// The robot fell. Terminal.
     Fell,

@@ -6,7 +6,6 @@ use std::error::Error;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use stridemap_gait::{Gait, GaitError, Modulation, OscillatorGait};
-use stridemap_lab::run::{Measured, Summary};
 use stridemap_lab::{
     Algorithm, GaitPart, Known, LabError, LearnerPart, NoRecorder, Part, RewardOf, RewardPart,
     StateComponent, StatePart, builtin, gaits, learners, rewards, states,
@@ -14,6 +13,7 @@ use stridemap_lab::{
 use stridemap_learn::{
     ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary,
 };
+use stridemap_record::{Measured, Summary};
 use stridemap_returnmap::StrideProcess;
 use stridemap_robot::{JointTargets, LegJoint, LegRole, Legs, RobotState};
 
@@ -162,7 +162,7 @@ pub fn learn(task: &str) -> Result<Summary, Box<dyn Error>> {
     let task = builtin::load(task, &[])?.task;
     let mut algorithm = Algorithm::new(&task, 1)?;
     algorithm.learn(&mut NoRecorder)?;
-    Ok(Summary::of(&task, 1, &algorithm.progress))
+    Ok(algorithm.progress.summary(&task, 1))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

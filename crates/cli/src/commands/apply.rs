@@ -5,14 +5,18 @@ use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 use stridemap_lab::builtin::LoadedTask;
-use stridemap_lab::run::{FinishedRun, Measured, TransitionTable, files, lock};
+use stridemap_lab::run::FinishedRun;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Batch, Fall, FallCriterion, LabError, Performance, Plant, PoseRecorder,
-    PushConfig, PushOutcome, Recording, StridePhase, StrideRole, Task, Transition, Walk, Walker,
+    ActionSource, Batch, LabError, Plant, PoseRecorder, PushConfig, Task, Walker,
     analyse as analyse_run, builtin, drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
+use stridemap_record::{
+    Columns, Fall, FallCriterion, Measured, Performance, Recording, StridePhase, StrideRole,
+    Transition, Walk,
+    files::{self, lock},
+};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use super::beside::Purpose;
@@ -202,7 +206,7 @@ pub fn run(
     let beside = beside_run(&task, path)?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
     let mut rng = stream(common.seed, Role::Run, 0);
-    let table = TransitionTable::new(plant.spec());
+    let table = Columns::new(plant.spec());
     let mut rows = vec![table.header()];
     let mut transitions: Vec<Transition> = Vec::new();
     let batch = Batch {
@@ -337,19 +341,6 @@ fn film(plant: &mut Plant, task: &Task) -> Option<Arc<Mutex<Recording>>> {
     Some(recording)
 }
 
-/// Pairs of a push experiment as CSV.
-pub fn push_table(outcome: &PushOutcome) -> String {
-    let mut text =
-        String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
-    for p in &outcome.data {
-        text += &format!(
-            "{},{},{},{},{}\n",
-            p.k, p.psi_roll_deg, p.psi_roll_after_1_deg, p.psi_roll_after_2_deg, p.force_n
-        );
-    }
-    text
-}
-
 /// Pushes the robot, as hard as `of` its mass in kg says, and fits its return map.
 pub fn push(
     path: &Path,
@@ -378,15 +369,11 @@ pub fn push(
     if let Some(dir) = out.or(into_run) {
         files::create_dir(dir)?;
         let stem = if nominal { "push-nominal" } else { "push" };
-        files::write_whole(
-            &dir.join(format!("{stem}.csv")),
-            push_table(&outcome).as_bytes(),
-        )?;
+        files::write_whole(&dir.join(format!("{stem}.csv")), outcome.table().as_bytes())?;
         files::write_json(&dir.join(format!("{stem}.json")), &outcome)?;
         if let Some(film) = film.filter(|f| !f.frames.is_empty()) {
             files::create_dir(&dir.join("poses"))?;
-            let text = serde_json::to_vec(&film)?;
-            files::write_whole(&dir.join(format!("poses/{stem}.json")), &text)?;
+            files::write_json_line(&dir.join(format!("poses/{stem}.json")), &film)?;
         }
         output::note(format!(
             "wrote {stem}.csv and {stem}.json into {0}; `stridemap report {0}` shows them",

@@ -7,11 +7,11 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use stridemap_lab::run::{FELL_IN_START, append_event};
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{Fall, FallCriterion, StrideObserver, Task, TickObserver};
+use stridemap_lab::{StrideObserver, Task, TickObserver};
 use stridemap_link::{Operator, RemoteMachine, SharedJournal};
 use stridemap_mujoco::MujocoConfig;
+use stridemap_record::{FELL_IN_START, Fall, FallCriterion, append_event};
 use stridemap_returnmap::{StrideEnd, StrideProcess};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::Crossing;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use stridemap_lab::run::files;
 use stridemap_lab::{
-    ComparePoint, CompareSeed, PairedDifference, STRIDES_PER_POINT, Spread, Steered, builtin,
-    can_steer, compare_seed, learning_curves, paired_difference, steer,
+    ComparePoint, CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, builtin, can_steer,
+    compare_seed, learning_curves, paired_difference, steer,
 };
 use stridemap_learn::{Policy, SavedPolicy};
+use stridemap_record::{Spread, files};
 use stridemap_report::figures::{Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig8, fig9};
 
 use super::learners::interval;

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::{MutexGuard, PoisonError};
 
 use serde::Serialize;
-use stridemap_lab::run::{TransitionTable, files};
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{LabError, Plant, StridePhase, StrideRole, Task, Transition, builtin};
+use stridemap_lab::{LabError, Plant, Task, builtin};
 use stridemap_link::{LogReport, LoggedAction, Repeated, ReplayMachine, read_log};
 use stridemap_mujoco::estimator;
+use stridemap_record::{Columns, StridePhase, StrideRole, Transition, files};
 use stridemap_returnmap::{
     Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess,
 };
@@ -52,7 +52,7 @@ pub fn collect_from(
     if let Some(out) = out {
         files::check_file(out)?;
     }
-    let table = TransitionTable::new(&task.process_spec()?);
+    let table = Columns::new(&task.process_spec()?);
     let (transitions, found) = strides_of_log(&task, log)?;
     output::note(summary(&found));
     if found.strides == 0 {

@@ -6,12 +6,14 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 use stridemap_lab::run::{
-    FinishedRun, IterationSummary, NoWatcher, RunDirectory, Summary, Watcher, files, has_begun,
-    lock, refuse_occupied,
+    FinishedRun, NoWatcher, RunDirectory, Watcher, has_begun, refuse_occupied,
 };
 use stridemap_lab::{
-    Algorithm, LabError, LearnerKind, Performance, Progress, Task, builtin, nominal_gait,
-    task_differences,
+    Algorithm, LabError, LearnerKind, Progress, Task, builtin, nominal_gait, task_differences,
+};
+use stridemap_record::{
+    IterationSummary, Performance, Summary,
+    files::{self, lock},
 };
 
 use super::beside::Purpose;

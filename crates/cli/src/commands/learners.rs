@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use stridemap_lab::run::files;
 use stridemap_lab::{
     LearnerKind, LearnerRow, PairedDifference, Task, paired_difference, run_learner,
 };
@@ -13,6 +12,7 @@ use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
 use crate::progress::SeedProgress;
+use stridemap_record::files;
 
 /// The task's learner less one control, paired by seed.
 #[derive(Clone, Debug, Serialize)]

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use stridemap_lab::run::files;
 use stridemap_lab::{Algorithm, Plant, Progress, Task};
 use stridemap_link::{Journal, LoggedMachine, RemoteMachine};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine, estimator};
+use stridemap_record::files;
 use stridemap_robot::{EstimatedRobot, JointLimits, Machine};
 
 use super::beside::{LastFall, Person, Purpose, Watcher, plan};

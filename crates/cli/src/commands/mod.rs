@@ -21,13 +21,14 @@ use std::path::{Path, PathBuf};
 
 use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::FinishedRun;
-use stridemap_lab::{Asked, Provenance, RobotChoice, Task, task_differences};
+use stridemap_lab::{RobotChoice, Task, provenance_of, task_differences};
 
 use clap::ValueEnum;
 
 use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
+use stridemap_record::{Asked, Provenance};
 
 /// The directory of a run: as asked for, or `runs/TASK-SEED`.
 fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
@@ -106,7 +107,7 @@ fn provenance(
                 .robot
                 .map(|robot| RobotChoice::from(robot).name().into()),
         }),
-        ..Provenance::begin(task, seed, crate::GIT_REVISION, command)?
+        ..provenance_of(task, seed, crate::GIT_REVISION, command)?
     })
 }
 

@@ -3,8 +3,8 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use stridemap_lab::run::lock;
-use stridemap_report::run::Run;
+use stridemap_record::Run;
+use stridemap_record::files::lock;
 use stridemap_report::{
     RERUN_STREAM, comparison, view_lines, write_figures, write_mcap, write_report,
 };
@@ -55,7 +55,7 @@ pub fn draw_seeds(paths: &[PathBuf], dir: &Path) -> Result<PathBuf, Failure> {
         .map(|path| read(path))
         .collect::<Result<Vec<_>, _>>()?;
     let page = dir.join("report.html");
-    stridemap_lab::run::files::create_dir(dir)?;
+    stridemap_record::files::create_dir(dir)?;
     side_by_side(&runs, &page)?;
     Ok(page)
 }

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use stridemap_lab::run::files;
 use stridemap_lab::{builtin, check as look};
 
 use super::on_robot;
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
+use stridemap_record::files;
 
 /// Looks at a task and says whether it can work.
 pub fn check(name: &str, common: &Common) -> Result<(), Failure> {

@@ -5,9 +5,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
-use stridemap_lab::run::{FinishedRun, RunDirectory, TransitionTable, files, lock};
-use stridemap_lab::{
-    Algorithm, InPlace, Performance, Phase, Progress, Task, Transition, builtin, fit_map,
+use stridemap_lab::run::{FinishedRun, RunDirectory};
+use stridemap_lab::{Algorithm, Progress, Task, builtin, fit_map};
+use stridemap_record::{
+    Columns, InPlace, Performance, Phase, Rows, Transition,
+    files::{self, lock},
 };
 use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
@@ -160,8 +162,8 @@ pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Re
         )
     } else {
         let task = builtin::load(task, &common.sets)?.task;
-        let table = TransitionTable::new(&task.process_spec()?);
-        let transitions = table.read(source, None)?;
+        let table = Columns::new(&task.process_spec()?);
+        let transitions = table.read(source, Rows::All)?;
         (fit_said(&task, &transitions, common.seed, 1)?, 1, None)
     };
     let saved = map

@@ -5,9 +5,9 @@ use stridemap_learn::{ActorCritic, SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
 use crate::error::{LabError, unless};
-use crate::proof::Proof;
 use crate::registry::Part;
 use crate::task::{Task, one_per};
+use stridemap_record::Proof;
 
 pub(super) struct InMap;
 

@@ -8,10 +8,9 @@ use stridemap_learn::{SavedPolicy, TrialSummary};
 use super::{ControlsConfig, Known, LearnerPart, value};
 use crate::caution::CautionConfig;
 use crate::error::LabError;
-use crate::proof::Proof;
 use crate::registry::Part;
 use crate::task::Task;
-use crate::trust::Region;
+use stridemap_record::{Proof, Region};
 
 pub(super) struct OnRobot;
 
@@ -42,7 +41,7 @@ impl LearnerPart for OnRobot {
     }
 
     fn region(&self, known: &Known<'_>, caution: &CautionConfig) -> Region {
-        Region::searched(&caution.trust, &known.limits, &known.tried())
+        caution.trust.searched(&known.limits, &known.tried())
     }
 
     fn propose(

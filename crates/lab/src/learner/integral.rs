@@ -7,11 +7,11 @@ use stridemap_returnmap::{ActionLimits, StrideEnd};
 
 use super::{Known, LearnerPart, invalid};
 use crate::error::LabError;
-use crate::plant::InPlace;
 use crate::registry::Part;
 use crate::state::StateComponent;
-use crate::strides::{ActionSource, StridePhase, Transition};
+use crate::strides::ActionSource;
 use crate::task::Task;
+use stridemap_record::{InPlace, StridePhase, Transition};
 
 /// Share of the strides whose mean action is held afterwards: the last ones.
 const HELD_SHARE: f64 = 0.75;

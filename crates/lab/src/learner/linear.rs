@@ -7,9 +7,8 @@ use stridemap_learn::{SavedPolicy, TrialSummary};
 use super::{Known, LearnerPart};
 use crate::error::LabError;
 use crate::registry::Part;
-use crate::strides::Transition;
 use crate::task::Task;
-use crate::trust::Region;
+use stridemap_record::{Region, Transition};
 
 pub(super) struct Corner;
 

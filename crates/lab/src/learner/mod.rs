@@ -26,15 +26,13 @@ use crate::algorithm::Progress;
 use crate::caution::CautionConfig;
 use crate::error::{Invalid, LabError};
 use crate::pessimism::{CautiousMap, CautiousWorld};
-use crate::plant::InPlace;
-use crate::proof::{Proof, Verdict};
 use crate::registry::{Part, Registry, named};
 use crate::reward::reward_of_state;
 use crate::state::StateComponent;
-use crate::strides::{ActionSource, StridePhase, StrideRole, Transition};
+use crate::strides::ActionSource;
 use crate::suffices::FEWEST;
 use crate::task::Task;
-use crate::trust::Region;
+use stridemap_record::{InPlace, Proof, Region, StridePhase, StrideRole, Transition, Verdict};
 
 /// A learner, as Algorithm 1 uses it. A learner of one's own in the map is a [`stridemap_learn::Learner`] and
 /// this trait's [`propose`](Self::propose), which hands it to [`Known::in_map`].
@@ -91,7 +89,7 @@ pub trait LearnerPart: Part {
     /// Where its next policy may lie.
     fn region(&self, known: &Known<'_>, caution: &CautionConfig) -> Region {
         let (limits, proofs) = (&known.limits, known.progress.proofs());
-        Region::next(&caution.trust, limits, &known.tried(), &proofs)
+        caution.trust.region(limits, &known.tried(), &proofs)
     }
 
     /// Proposes the next policy.

@@ -7,10 +7,10 @@ use stridemap_learn::{SavedPolicy, SearchConfig, SearchLearner, TrialSummary};
 use super::{Known, LearnerPart, invalid};
 use crate::error::LabError;
 use crate::feedback::{FedBack, JacobianFeedbackConfig, with_feedback};
-use crate::proof::Proof;
 use crate::registry::Part;
 use crate::state::StateComponent;
 use crate::task::Task;
+use stridemap_record::Proof;
 
 /// The search in the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,24 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
 use stridemap_files::LOCK_FILE;
 use stridemap_mujoco::{ModelSource, compiled, sha256};
 
 use crate::error::LabError;
-use crate::provenance::{Provenance, task_differences};
-use crate::run::directory::{EVENTS, EVENTS_HEADER, logs};
-use crate::run::files::{Keep, Log, create_dir, write_json, write_whole};
+use crate::provenance::task_differences;
+use crate::run::directory::logs;
 use crate::run::finished::{FinishedRun, MODEL_COPY};
-use crate::run::table::TransitionTable;
 use crate::task::Task;
-
-/// Names of the components, for readers of the CSV files.
-#[derive(Debug, Serialize)]
-struct Columns<'a> {
-    state: Vec<&'a str>,
-    action: Vec<&'a str>,
-}
+use stridemap_record::{
+    Columns, EVENTS, EVENTS_HEADER, Provenance, RecordError,
+    files::{Keep, Log, create_dir, write_json, write_whole},
+};
 
 /// What a new run consists of; `config.toml` is its last part, and says that it is one.
 const NEW: [&str; 13] = [
@@ -42,7 +36,7 @@ const STRIDES: [&str; 2] = ["transitions.csv", "record.csv"];
 ///
 /// # Errors
 ///
-/// [`LabError::File`].
+/// [`LabError::Record`].
 pub fn has_begun(path: &Path) -> Result<bool, LabError> {
     Ok(path.join("config.toml").exists() && has_strides(path)?)
 }
@@ -57,13 +51,7 @@ fn has_strides(path: &Path) -> Result<bool, LabError> {
         let bytes = match std::fs::read(&log) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
-            Err(source) => {
-                return Err(LabError::File {
-                    path: log,
-                    doing: "read",
-                    source,
-                });
-            }
+            Err(error) => return Err(RecordError::file(log, "read")(error).into()),
         };
         if bytes.iter().filter(|byte| **byte == b'\n').count() > 1 {
             return Ok(true);
@@ -76,7 +64,7 @@ fn has_strides(path: &Path) -> Result<bool, LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError::RunDirectory`]; [`LabError::Unwritable`] if it cannot be read.
+/// [`LabError::RunDirectory`]; [`RecordError::Unwritable`] if it cannot be read.
 pub fn refuse_occupied(path: &Path, task: &Task) -> Result<(), LabError> {
     let refuse = |problem: String| {
         Err(LabError::RunDirectory {
@@ -87,7 +75,7 @@ pub fn refuse_occupied(path: &Path, task: &Task) -> Result<(), LabError> {
     if path.symlink_metadata().is_err() {
         return Ok(());
     }
-    let entries = std::fs::read_dir(path).map_err(|source| LabError::Unwritable {
+    let entries = std::fs::read_dir(path).map_err(|source| RecordError::Unwritable {
         path: path.into(),
         source,
     })?;
@@ -127,14 +115,8 @@ pub(super) fn build(
     for sub in ["map", "policy", "figures/data", "poses", "lapse"] {
         create_dir(&path.join(sub))?;
     }
-    let spec = task.process_spec()?;
-    write_json(
-        &path.join("columns.json"),
-        &Columns {
-            state: spec.state.iter().map(|d| d.name.as_str()).collect(),
-            action: spec.action.iter().map(|d| d.name.as_str()).collect(),
-        },
-    )?;
+    let columns = Columns::new(&task.process_spec()?);
+    write_json(&path.join("columns.json"), &columns)?;
     let (mut task, mut provenance) = (task.clone(), provenance.clone());
     if let ModelSource::File(model) = &mut task.robot.model {
         let bytes = compiled(&ModelSource::File(model.clone()))?;
@@ -144,16 +126,16 @@ pub(super) fn build(
         *model = relative(place, model).unwrap_or_else(|| MODEL_COPY.into());
     }
     write_json(&path.join("provenance.json"), &provenance)?;
-    let table = TransitionTable::new(&spec);
     // No row is in them: a header of another task may be.
     for name in STRIDES.iter().chain(&["learning.csv"]) {
         write_whole(&path.join(name), b"")?;
     }
-    for mut log in logs(path, &table, [0, 0, 0])? {
+    for mut log in logs(path, &columns, [0, 0, 0])? {
         log.begin()?;
     }
     Log::open(&path.join(EVENTS), EVENTS_HEADER, Keep::Lines)?.begin()?;
-    write_whole(&path.join("config.toml"), task.to_toml()?.as_bytes())
+    write_whole(&path.join("config.toml"), task.to_toml()?.as_bytes())?;
+    Ok(())
 }
 
 /// A file's path seen from a directory that need not be there yet; `None` if it is no text.

@@ -6,20 +6,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use stridemap_files::Lock;
 use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_record::{
+    Checkpoint, Columns, EVENTS, EVENTS_HEADER, FORMAT, LearningRow, Pace, Phase, Provenance,
+    RecordError, Recording, RobotFall, StridePhase, Summary, Transition, World, event_line,
+    falls_in_starts,
+    files::{Keep, Log, check_dir, create_dir, read_json, write_json, write_whole},
+    files::{lock, sweep, write_json_line},
+    grid,
+};
 use stridemap_returnmap::LearnedMap;
 
-use crate::algorithm::{Phase, Progress, Recorder};
+use crate::algorithm::{Progress, Recorder};
 use crate::error::LabError;
-use crate::fall::RobotFall;
-use crate::poses::{Pace, Recording};
-use crate::provenance::Provenance;
 use crate::run::beginning::{build, refuse_occupied};
-use crate::run::files::{Keep, Log, check_dir, create_dir, read_json, write_json, write_whole};
-use crate::run::finished::{Checkpoint, FORMAT, FinishedRun, read_progress, read_unfinished};
-use crate::run::grid;
-use crate::run::summary::Summary;
-use crate::run::table::TransitionTable;
-use crate::strides::{StridePhase, Transition};
+use crate::run::finished::{FinishedRun, read_progress, read_unfinished};
 use crate::task::Task;
 
 /// Tells a watcher (a terminal) what happens; never touches the run.
@@ -45,7 +45,7 @@ pub struct RunDirectory {
     path: PathBuf,
     task: Task,
     seed: u64,
-    table: TransitionTable,
+    table: Columns,
     transitions: Log,
     record: Log,
     learning: Log,
@@ -60,11 +60,6 @@ pub struct RunDirectory {
     _lock: Lock,
 }
 
-const LEARNING_HEADER: &str = "iteration,trial,world,average_reward,falls,strides";
-
-pub(super) const EVENTS: &str = "events.ndjson";
-pub(super) const EVENTS_HEADER: &str = r#"{"format":1}"#;
-
 impl RunDirectory {
     /// Creates a run directory for a task and a seed. It appears whole or not at all; one that is there
     /// and holds no stride yet, half made or of a run that ended before its first, is made anew, its events kept.
@@ -73,8 +68,8 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::RunDirectory`] if the directory holds something already; [`LabError::Locked`] if another process
-    /// writes there; [`LabError::Unwritable`]; [`LabError::File`].
+    /// [`LabError::RunDirectory`] if the directory holds something already; [`RecordError::Locked`] if another process
+    /// writes there; [`LabError::Record`].
     pub fn create(
         path: &Path,
         task: &Task,
@@ -82,7 +77,7 @@ impl RunDirectory {
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<Self, LabError> {
-        let unwritable = |source| LabError::Unwritable {
+        let unwritable = |source| RecordError::Unwritable {
             path: path.into(),
             source,
         };
@@ -99,7 +94,7 @@ impl RunDirectory {
             lock
         } else {
             let (Some(parent), Some(name)) = (place.parent(), place.file_name()) else {
-                return Err(unwritable(std::io::ErrorKind::InvalidInput.into()));
+                return Err(unwritable(std::io::ErrorKind::InvalidInput.into()).into());
             };
             let mut aside = std::ffi::OsString::from(".");
             aside.push(name);
@@ -111,11 +106,7 @@ impl RunDirectory {
             let lock = lock(&aside)?;
             sweep(&aside)?;
             build(&aside, path, task, provenance)?;
-            std::fs::rename(&aside, &place).map_err(|source| LabError::File {
-                path: path.into(),
-                doing: "create directory",
-                source,
-            })?;
+            std::fs::rename(&aside, &place).map_err(RecordError::file(path, "create directory"))?;
             lock
         };
         let rows = [0, 0, 0];
@@ -131,7 +122,7 @@ impl RunDirectory {
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<Self, LabError> {
-        let table = TransitionTable::new(&task.process_spec()?);
+        let table = Columns::new(&task.process_spec()?);
         let [transitions, record, learning] = logs(path, &table, rows)?;
         Ok(Self {
             path: path.into(),
@@ -159,9 +150,9 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::Locked`] if another process writes there; [`LabError::Mixed`] if model, simulator, program, seed or
-    /// task are not those of the run; [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] if a file
-    /// is damaged; [`LabError::FallBudget`] if the robot fell more often than the task allows; [`LabError::File`].
+    /// [`RecordError::Locked`] if another process writes there; [`LabError::Mixed`] if model, simulator, program, seed or
+    /// task are not those of the run; [`LabError::RunDirectory`] if it holds no run; [`LabError::Record`] if a file
+    /// is damaged; [`LabError::FallBudget`] if the robot fell more often than the task allows; [`LabError::Record`].
     pub fn resume(
         run: &FinishedRun,
         stop: Arc<AtomicBool>,
@@ -176,7 +167,7 @@ impl RunDirectory {
         let lock = lock(path)?;
         run.refuse_others()?;
         let (mut progress, mut rows, _) = read_progress(path, task)?;
-        let table = TransitionTable::new(&task.process_spec()?);
+        let table = Columns::new(&task.process_spec()?);
         let mut unfinished = read_unfinished(&table, &path.join("transitions.csv"), rows[0]);
         if task.link.is_some() {
             progress.unfinished = unfinished?;
@@ -194,7 +185,10 @@ impl RunDirectory {
         task.check_fall_budget(&falls)?;
         sweep(path)?;
         let opened = Self::open_logs(path, task, provenance.seed, rows, lock, stop, watcher);
-        let mut directory = opened.map_err(|error| provenance.blame(error))?;
+        let mut directory = opened.map_err(|error| match error {
+            LabError::Record(error) => provenance.blame(error).into(),
+            other => other,
+        })?;
         directory.unfinished = progress.unfinished.clone();
         Ok((directory, progress))
     }
@@ -203,7 +197,7 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
+    /// [`LabError::Record`].
     pub fn mend(&mut self) -> Result<(), LabError> {
         let said = if self.events.is_new() {
             "was emptied or deleted since this run began; what it held is lost, and it begins anew"
@@ -222,7 +216,7 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
+    /// [`LabError::Record`].
     pub fn goes_on(&mut self) -> Result<(), LabError> {
         self.mend()?;
         self.event(
@@ -245,9 +239,9 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
+    /// [`LabError::Record`].
     pub fn event(&mut self, kind: &str, details: serde_json::Value) -> Result<(), LabError> {
-        self.events.append(&event_line(kind, details))
+        Ok(self.events.append(&event_line(kind, details))?)
     }
 
     fn check_stop(&self) -> Result<(), LabError> {
@@ -263,7 +257,7 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`] or [`LabError::Content`].
+    /// [`LabError::Record`].
     pub fn end(&mut self) -> Result<(), LabError> {
         let path = self.path.join("provenance.json");
         let mut provenance: Provenance = read_json(&path)?;
@@ -276,9 +270,9 @@ impl RunDirectory {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
+    /// [`LabError::Record`].
     pub fn write_summary(&mut self, progress: &Progress) -> Result<Summary, LabError> {
-        let mut summary = Summary::of(&self.task, self.seed, progress);
+        let mut summary = progress.summary(&self.task, self.seed);
         summary.count(&self.unfinished);
         write_json(&self.path.join("summary.json"), &summary)?;
         Ok(summary)
@@ -309,10 +303,15 @@ impl Recorder for RunDirectory {
     }
 
     fn trial(&mut self, iteration: usize, trial: &TrialSummary) -> Result<(), LabError> {
-        self.learning.append(&format!(
-            "{iteration},{},map,{},{},{}",
-            trial.trial, trial.mean_reward, trial.falls, trial.strides
-        ))?;
+        let row = LearningRow {
+            iteration,
+            trial: trial.trial,
+            world: World::Map,
+            average_reward: trial.mean_reward,
+            falls: trial.falls,
+            strides: trial.strides,
+        };
+        self.learning.append(&row.line())?;
         self.watcher.trial(iteration, trial);
         self.check_stop()
     }
@@ -326,24 +325,17 @@ impl Recorder for RunDirectory {
             write_whole(&data("lines"), grid::line_table(&map, policy)?.as_bytes())?;
         }
         let table = grid::policy_table(policy, &self.task.map.start_range);
-        write_whole(
-            &self
-                .path
-                .join(format!("figures/data/policy-{iteration}.csv")),
-            table.as_bytes(),
-        )
+        let name = format!("figures/data/policy-{iteration}.csv");
+        Ok(write_whole(&self.path.join(name), table.as_bytes())?)
     }
 
     fn poses(&mut self, what: &str, pace: Pace, recording: &Recording) -> Result<(), LabError> {
         let folder = self.path.join(pace.folder());
         create_dir(&folder)?; // A run of an earlier version may lack it.
-        let path = folder.join(format!("{what}.json"));
-        let text = serde_json::to_string(recording).map_err(|error| LabError::Content {
-            path: path.clone(),
-            line: None,
-            problem: format!("cannot be written as JSON: {error}"),
-        })?;
-        write_whole(&path, text.as_bytes())
+        Ok(write_json_line(
+            &folder.join(format!("{what}.json")),
+            recording,
+        )?)
     }
 
     fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError> {
@@ -354,15 +346,19 @@ impl Recorder for RunDirectory {
         };
         if let Some(p) = robot {
             let iteration = progress.iterations.len();
-            let world = if phase == Phase::Evaluate {
-                "robot-evaluation"
-            } else {
-                "robot"
+            let row = LearningRow {
+                iteration,
+                trial: iteration,
+                world: if phase == Phase::Evaluate {
+                    World::RobotEvaluation
+                } else {
+                    World::Robot
+                },
+                average_reward: p.mean_reward,
+                falls: p.falls,
+                strides: p.strides,
             };
-            self.learning.append(&format!(
-                "{iteration},{},{world},{},{},{}",
-                iteration, p.mean_reward, p.falls, p.strides
-            ))?;
+            self.learning.append(&row.line())?;
         }
         for log in [&self.transitions, &self.record, &self.learning] {
             log.sync()?;
@@ -403,81 +399,13 @@ impl Recorder for RunDirectory {
     }
 }
 
-/// The name of the event of a fall in a start on a robot behind a link, which no table of strides has.
-pub const FELL_IN_START: &str = "fell_in_start";
-
-/// The falls in starts since the last checkpoint.
-fn falls_in_starts(run: &Path, iteration: usize) -> Vec<RobotFall> {
-    let text = std::fs::read(run.join(EVENTS)).unwrap_or_default();
-    let text = String::from_utf8_lossy(&text);
-    let events = text.lines().rev();
-    let events = events.filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-    let since = events.take_while(|event| event["event"] != "checkpoint");
-    let fell = since.filter(|event| event["event"] == FELL_IN_START);
-    let fell = fell.filter_map(|event| serde_json::from_value(event).ok());
-    let fell = fell.map(|fall| RobotFall {
-        iteration,
-        phase: StridePhase::Collect,
-        what: None,
-        stride: None,
-        fall,
-    });
-    fell.collect()
-}
-
-fn event_line(kind: &str, details: serde_json::Value) -> String {
-    let mut event = serde_json::json!({
-        "time": jiff::Timestamp::now().to_string(),
-        "event": kind,
-    });
-    if let (Some(map), serde_json::Value::Object(more)) = (event.as_object_mut(), details) {
-        map.extend(more);
-    }
-    event.to_string()
-}
-
-/// Appends an event to a run's `events.ndjson` at once, whoever else writes into it: for those beside the run,
-/// such as the person who was asked something.
-///
-/// # Errors
-///
-/// [`LabError::File`].
-pub fn append_event(run: &Path, kind: &str, details: serde_json::Value) -> Result<(), LabError> {
-    Log::open(&run.join(EVENTS), EVENTS_HEADER, Keep::Lines)?.append(&event_line(kind, details))
-}
-
-/// Takes the right to write into a run, for as long as the lock lives.
-///
-/// # Errors
-///
-/// [`LabError::Locked`].
-pub fn lock(run: &Path) -> Result<Lock, LabError> {
-    Lock::take(run).map_err(|source| LabError::Locked {
-        path: run.into(),
-        source,
-    })
-}
-
-fn sweep(path: &Path) -> Result<(), LabError> {
-    stridemap_files::sweep(path).map_err(|source| LabError::File {
-        path: path.into(),
-        doing: "read",
-        source,
-    })
-}
-
 /// The logs of strides and trials, of which so many rows are kept.
-pub(super) fn logs(
-    path: &Path,
-    table: &TransitionTable,
-    rows: [usize; 3],
-) -> Result<[Log; 3], LabError> {
-    let header = table.header();
+pub(super) fn logs(path: &Path, table: &Columns, rows: [usize; 3]) -> Result<[Log; 3], LabError> {
     let open =
         |name: &str, header: &str, rows| Log::open(&path.join(name), header, Keep::Rows(rows));
     Ok([
-        open("transitions.csv", &header, rows[0])?,
-        open("record.csv", &format!("what,{header}"), rows[1])?,
-        open("learning.csv", LEARNING_HEADER, rows[2])?,
+        open("transitions.csv", &table.header(), rows[0])?,
+        open("record.csv", &table.record_header(), rows[1])?,
+        open("learning.csv", LearningRow::HEADER, rows[2])?,
     ])
 }

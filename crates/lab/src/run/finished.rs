@@ -2,45 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
 use stridemap_learn::SavedPolicy;
 use stridemap_mujoco::{ModelSource, sha256};
 
-use crate::algorithm::{Iteration, Phase, Progress, Seconds};
+use crate::algorithm::Progress;
 use crate::error::LabError;
-use crate::fall::RobotFall;
-use crate::provenance::Provenance;
+use crate::provenance::provenance_of;
 use crate::run::beginning::has_begun;
-use crate::run::files::{read_json, read_text};
-use crate::run::table::TransitionTable;
-use crate::strides::{Performance, Transition};
 use crate::task::Task;
-
-/// The version of the run directory that this crate writes and reads.
-pub(super) const FORMAT: u32 = 1;
-
-/// What a killed run goes on from.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Checkpoint {
-    pub format: u32,
-    /// Left out by earlier versions.
-    #[serde(default)]
-    pub seed: Option<u64>,
-    pub phase: Phase,
-    pub transition_rows: usize,
-    pub record_rows: usize,
-    pub learning_rows: usize,
-    pub policies: usize,
-    pub iterations: Vec<Iteration>,
-    pub nominal: Option<Performance>,
-    pub final_performance: Option<Performance>,
-    pub record_strides: usize,
-    pub seconds: Seconds,
-    /// Left out by earlier versions.
-    #[serde(default)]
-    pub falls: Vec<RobotFall>,
-}
+use stridemap_record::{
+    Checkpoint, Columns, Provenance, RecordError, Rows, Transition,
+    files::read_bytes,
+    files::{read_json, read_text},
+};
 
 /// A run's copy of the model file that its task names.
 pub(super) const MODEL_COPY: &str = "model.mjb";
@@ -55,28 +29,15 @@ pub(super) fn read_progress(
         return Ok((Progress::default(), [0, 0, 0], None));
     }
     let c: Checkpoint = read_json(&checkpoint_path)?;
-    if c.format != FORMAT {
-        return Err(LabError::Content {
-            path: checkpoint_path,
-            line: None,
-            problem: format!(
-                "has format {}; this version reads format {FORMAT}",
-                c.format
-            ),
-        });
-    }
-    let table = TransitionTable::new(&task.process_spec()?);
-    let transitions = table.read(&path.join("transitions.csv"), Some(c.transition_rows))?;
+    let table = Columns::new(&task.process_spec()?);
+    let transitions = table.read(
+        &path.join("transitions.csv"),
+        Rows::First(c.transition_rows),
+    )?;
     if transitions.len() < c.transition_rows {
-        return Err(LabError::Content {
-            path: path.join("transitions.csv"),
-            line: None,
-            problem: format!(
-                "holds {} strides where the checkpoint counts {}",
-                transitions.len(),
-                c.transition_rows
-            ),
-        });
+        let (made, counted) = (transitions.len(), c.transition_rows);
+        let problem = format!("holds {made} strides where the checkpoint counts {counted}");
+        return Err(RecordError::content(path.join("transitions.csv"), None, problem).into());
     }
     let policies = (1..=c.policies)
         .map(|i| read_json(&path.join(format!("policy/{i}.json"))))
@@ -107,7 +68,7 @@ pub(super) fn read_progress(
 /// Reads the strides that were made after the last checkpoint, which counts `checkpoint_rows`. A last line that
 /// was cut short is no stride.
 pub(super) fn read_unfinished(
-    table: &TransitionTable,
+    table: &Columns,
     log: &Path,
     checkpoint_rows: usize,
 ) -> Result<Vec<Transition>, LabError> {
@@ -116,7 +77,7 @@ pub(super) fn read_unfinished(
     }
     // Every row ends with a line break, and so does the header.
     let whole = read_text(log)?.matches('\n').count().saturating_sub(1);
-    let mut all = table.read(log, Some(whole.max(checkpoint_rows)))?;
+    let mut all = table.read(log, Rows::First(whole.max(checkpoint_rows)))?;
     Ok(all.split_off(checkpoint_rows.min(all.len())))
 }
 
@@ -145,20 +106,12 @@ fn use_copy(path: &Path, task: &mut Task, provenance: &Provenance) -> Result<(),
     if model.exists() || !copy.exists() {
         return Ok(());
     }
-    let bytes = std::fs::read(&copy).map_err(|source| LabError::File {
-        path: copy.clone(),
-        doing: "read",
-        source,
-    })?;
-    if sha256(&bytes) != *hash {
-        return Err(LabError::Content {
-            path: copy,
-            line: None,
-            problem: format!(
-                "is damaged (provenance.json names another SHA-256), and {} is not there",
-                model.display()
-            ),
-        });
+    if sha256(&read_bytes(&copy)?) != *hash {
+        let problem = format!(
+            "is damaged (provenance.json names another SHA-256), and {} is not there",
+            model.display()
+        );
+        return Err(RecordError::content(copy, None, problem).into());
     }
     *model = copy;
     Ok(())
@@ -169,7 +122,7 @@ impl FinishedRun {
     ///
     /// # Errors
     ///
-    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Content`] or [`LabError::File`].
+    /// [`LabError::RunDirectory`] if it holds no run; [`LabError::Record`].
     pub fn open(path: &Path, sets: &[String]) -> Result<Self, LabError> {
         let config = path.join("config.toml");
         if !config.exists() {
@@ -199,7 +152,7 @@ impl FinishedRun {
     /// [`LabError::Mujoco`] if the robot cannot be built.
     pub fn differences(&self) -> Result<Vec<String>, LabError> {
         let seed = self.checkpoint_seed.unwrap_or(self.provenance.seed);
-        let now = Provenance::begin(&self.task, seed, None, String::new())?;
+        let now = provenance_of(&self.task, seed, None, String::new())?;
         Ok(self.provenance.differences(&now))
     }
 
@@ -231,11 +184,11 @@ impl FinishedRun {
     ///
     /// # Errors
     ///
-    /// [`LabError::RunDirectory`] if it has none yet; [`LabError::Content`] or [`LabError::File`].
+    /// [`LabError::RunDirectory`] if it has none yet; [`LabError::Record`].
     pub fn policy(&self) -> Result<SavedPolicy, LabError> {
         let Progress { policies, .. } = &self.progress;
         if self.progress.final_performance.is_some() {
-            return read_json(&self.path.join("policy/final.json"));
+            return Ok(read_json(&self.path.join("policy/final.json"))?);
         }
         let policy = self.progress.best_policy().or(policies.last());
         policy.cloned().ok_or_else(|| LabError::RunDirectory {

@@ -12,19 +12,19 @@ use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, GaitConfig};
 use stridemap_learn::{ConstantPolicy, SavedPolicy};
 use stridemap_mujoco::MujocoConfig;
+use stridemap_record::{RobotFall, StridePhase};
 use stridemap_returnmap::{ActionDimension, ActionLimits, MapConfig, ProcessSpec, StateDimension};
 use stridemap_robot::{Robot, RobotDescription, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::caution::CautionConfig;
 use crate::error::{Invalid, LabError};
-use crate::fall::{FailureConfig, RobotFall};
+use crate::fall::FailureConfig;
 use crate::gaits::gaits;
 use crate::learner::{ControlsConfig, SearchSettings};
 use crate::plant::{Plant, PlantAction, PlantTask};
 use crate::reward::RewardTerm;
 use crate::state::StateComponent;
-use crate::strides::StridePhase;
 use crate::success::SuccessConfig;
 
 /// Where a task says the value that a modulation has in the nominal gait; `None` for one that is zero there.

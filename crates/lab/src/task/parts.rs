@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use stridemap_learn::ActorCriticConfig;
+use stridemap_record::WalkTimes;
 
 use crate::learner::{ControlsConfig, IntegralConfig, LearnerKind, SearchSettings};
-use crate::walk::WalkTimes;
 
 /// One component of the action.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,35 +1,33 @@
 //! What the robot was asked to do: the action of every stride, and where it was allowed to lie.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::some;
 use super::names::{label, quantity};
-use super::progress::end_name;
 use crate::draw::{Anchor, Axis, Dash, Key, Mark, Panel, Sheet, extent, plain, plural, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{Columns, Region, StrideEnd, StrideRow, Warning};
+use stridemap_record::{Columns, GuardWarning, Region, StridePhase, Transition, Verdict, Warning};
+use stridemap_returnmap::StrideEnd;
 
 /// What is known of an iteration beside its strides.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionIteration {
     /// From 1.
-    pub iteration: u32,
+    pub iteration: usize,
     /// Where its policy was allowed to lie.
     pub region: Option<Region>,
     /// What became of its policy on the robot: `proven`, `slower`, `warned`, ...
-    pub verdict: Option<String>,
+    pub verdict: Option<Verdict>,
     /// Warnings of the guard.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<GuardWarning>,
 }
 
 /// The actions of a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionFigure {
     /// Names of state and action.
     pub columns: Columns,
     /// Training and evaluation strides, in order.
-    pub strides: Vec<StrideRow>,
+    pub strides: Vec<Transition>,
     /// What is known of the iterations; may be empty.
     pub iterations: Vec<ActionIteration>,
     /// The action of the policy that the run recommends, where it was proven.
@@ -37,7 +35,7 @@ pub struct ActionFigure {
 }
 
 /// Strides of one iteration: from, to (not included).
-fn spans(strides: &[StrideRow]) -> Vec<(u32, usize, usize)> {
+fn spans(strides: &[Transition]) -> Vec<(usize, usize, usize)> {
     let mut from = 0;
     strides
         .chunk_by(|a, b| a.iteration == b.iteration)
@@ -49,24 +47,23 @@ fn spans(strides: &[StrideRow]) -> Vec<(u32, usize, usize)> {
 }
 
 /// Plain words for what the guard saw.
-pub(crate) fn warning_words(warning: &str) -> &str {
+pub(crate) const fn warning_words(warning: Warning) -> &'static str {
     match warning {
-        "flip" => "left and right strides differ more and more",
-        "turn" => "the robot turns",
-        "low_roll" => "the mass is near the outer edge of the foot",
-        other => other,
+        Warning::Flip => "left and right strides differ more and more",
+        Warning::Turn => "the robot turns",
+        Warning::LowRoll => "the mass is near the outer edge of the foot",
+        Warning::HighMeanRoll => "the mass sways less and less far over the foot",
     }
 }
 
 /// Plain words for what became of a policy.
-pub(crate) fn verdict_words(verdict: &str) -> &str {
+pub(crate) const fn verdict_words(verdict: Verdict) -> &'static str {
     match verdict {
-        "proven" => "proven",
-        "slower" => "no faster than the best one",
-        "warned" => "turned back by the guard",
-        "fell" => "fell",
-        "unfinished" => "not finished: no strides left",
-        other => other,
+        Verdict::Proven => "proven",
+        Verdict::Slower => "no faster than the best one",
+        Verdict::Warned => "turned back by the guard",
+        Verdict::Fell => "fell",
+        Verdict::Unfinished => "not finished: no strides left",
     }
 }
 
@@ -138,7 +135,7 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
         let known = data.iterations.iter().find(|i| i.iteration == iteration);
         let proof = data.strides[from..to]
             .iter()
-            .position(|s| s.phase == "evaluate")
+            .position(|s| s.phase == StridePhase::Evaluate)
             .map(|i| (from + i) as f64 + 0.5);
         let region = known.and_then(|k| k.region.as_ref());
         if let (Some(g), Some(begin)) = (region, proof)
@@ -179,7 +176,9 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
             .strides
             .iter()
             .enumerate()
-            .filter(|(_, s)| (s.phase == "evaluate") == evaluate && s.end == StrideEnd::Crossing)
+            .filter(|(_, s)| {
+                (s.phase == StridePhase::Evaluate) == evaluate && s.end == StrideEnd::Crossing
+            })
             .filter_map(|(i, s)| Some((i as f64 + 1.0, *s.action.get(a)?)))
             .collect();
         if !points.is_empty() {
@@ -209,7 +208,7 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
                 i + 1,
                 s.iteration,
                 signed(*u, 2),
-                end_name(s.end)
+                s.end.name()
             ),
         );
     }
@@ -219,13 +218,13 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
         p.hover(
             at,
             top,
-            format!("stride {at}: the guard warned, {}", warning_words(&warning)),
+            format!("stride {at}: the guard warned, {}", warning_words(warning)),
         );
     }
 }
 
 /// Stride of each warning, counted over the run, and what was seen.
-fn warnings(data: &ActionFigure) -> Vec<(f64, String)> {
+fn warnings(data: &ActionFigure) -> Vec<(f64, Warning)> {
     let spans = spans(&data.strides);
     data.iterations
         .iter()
@@ -233,7 +232,7 @@ fn warnings(data: &ActionFigure) -> Vec<(f64, String)> {
             let from = spans.iter().find(|s| s.0 == i.iteration).map(|s| s.1);
             i.warnings
                 .iter()
-                .filter_map(move |w| Some(((from? + w.stride) as f64, w.warning.clone())))
+                .filter_map(move |w| Some(((from? + w.stride) as f64, w.warning)))
         })
         .filter(|w| w.0 <= data.strides.len() as f64)
         .collect()
@@ -249,7 +248,7 @@ fn caption(data: &ActionFigure) -> String {
     let tried = data
         .strides
         .iter()
-        .filter(|s| s.phase == "evaluate")
+        .filter(|s| s.phase == StridePhase::Evaluate)
         .count();
     let mut text = format!(
         "Action of each stride on the robot, as applied, without averaging (n = {}, of which {tried} tried a policy); dotted \
@@ -267,8 +266,8 @@ fn caption(data: &ActionFigure) -> String {
     }
     let warned = warnings(data);
     if !warned.is_empty() {
-        let mut kinds: Vec<&str> = warned.iter().map(|w| w.1.as_str()).collect();
-        kinds.sort_unstable();
+        let mut kinds: Vec<Warning> = warned.iter().map(|w| w.1).collect();
+        kinds.sort_unstable_by_key(|kind| kind.name());
         let counts: Vec<String> = kinds
             .chunk_by(|a, b| a == b)
             .map(|c| format!("{}, {}", warning_words(c[0]), times(c.len())))
@@ -281,7 +280,7 @@ fn caption(data: &ActionFigure) -> String {
     let verdicts: Vec<String> = data
         .iterations
         .iter()
-        .filter_map(|i| Some((i.iteration, i.verdict.as_deref()?)))
+        .filter_map(|i| Some((i.iteration, i.verdict?)))
         .map(|(i, v)| format!("{i} {}", verdict_words(v)))
         .collect();
     if !verdicts.is_empty() {
@@ -327,14 +326,14 @@ fn csv(data: &ActionFigure) -> String {
     let mut csv = header.join(",") + "\n";
     let warned = warnings(data);
     for (i, s) in data.strides.iter().enumerate() {
-        csv.push_str(&format!("{},{},{}", i + 1, s.iteration, s.phase));
+        csv.push_str(&format!("{},{},{}", i + 1, s.iteration, s.phase.name()));
         for u in &s.action {
             csv.push_str(&format!(",{u}"));
         }
         let region = data
             .iterations
             .iter()
-            .find(|k| k.iteration == s.iteration && s.phase == "evaluate")
+            .find(|k| k.iteration == s.iteration && s.phase == StridePhase::Evaluate)
             .and_then(|k| k.region.as_ref());
         for a in 0..data.columns.action.len() {
             let edge = |of: fn(&Region) -> &Vec<f64>| {
@@ -345,8 +344,8 @@ fn csv(data: &ActionFigure) -> String {
             csv.push_str(&format!(",{},{}", edge(|g| &g.lower), edge(|g| &g.upper)));
         }
         let warning = warned.iter().find(|w| w.0 as usize == i + 1);
-        let warning = warning.map_or("", |w| w.1.as_str());
-        csv.push_str(&format!(",{warning},{}\n", end_name(s.end)));
+        let warning = warning.map_or("", |w| w.1.name());
+        csv.push_str(&format!(",{warning},{}\n", s.end.name()));
     }
     csv
 }

@@ -1,50 +1,24 @@
 //! What a map says about small changes of a policy: cuts along its inputs through the policy.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, some};
 use super::names::{label, quantity};
 use crate::draw::{Axis, Dash, Key, Mark, Sheet, extent, number, plain, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{Columns, Region, StrideRow};
-
-/// One output of a map along lines.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LineOutput {
-    /// Component of the next state, or `reward`.
-    pub name: String,
-    /// Predicted mean.
-    pub mean: Vec<f64>,
-    /// Standard deviation of the latent function.
-    pub latent_std: Vec<f64>,
-    /// Standard deviation of the noise.
-    pub noise_std: Vec<f64>,
-}
-
-/// A map along each of its inputs in turn, as `figures/data/lines-<iteration>.csv` holds it. All columns
-/// are equally long.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LineGrid {
-    /// Which input varies along the line of each row: states first, then actions.
-    pub along: Vec<usize>,
-    /// One column per input.
-    pub inputs: Vec<Vec<f64>>,
-    /// The outputs.
-    pub outputs: Vec<LineOutput>,
-}
+use stridemap_record::grid::LineGrid;
+use stridemap_record::{Columns, Region, Transition};
 
 /// Cuts through a map.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LineFigure {
     /// Iteration whose map is drawn.
-    pub iteration: u32,
+    pub iteration: usize,
     /// Names of state and action.
     pub columns: Columns,
     /// The map along its inputs.
     pub grid: LineGrid,
     /// The training strides from which it was learned.
-    pub strides: Vec<StrideRow>,
+    pub strides: Vec<Transition>,
     /// Where the policy was allowed to lie.
     pub region: Option<Region>,
     /// What the reward is, if it is a single quantity: `speed_m_s`.

@@ -1,7 +1,5 @@
 //! What a run learned: the map of one stride.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, named, some};
 use super::names::{label, quantity};
 use crate::draw::{
@@ -9,39 +7,20 @@ use crate::draw::{
 };
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{Columns, StrideRow};
-
-/// A learned map on planes of one component of the state and one of the action, as
-/// `figures/data/map-<iteration>.csv` holds it. All columns are equally long.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct MapGrid {
-    /// Component of the state that varies in the plane of each row.
-    pub state_axis: Vec<usize>,
-    /// Component of the action that varies.
-    pub action_axis: Vec<usize>,
-    /// One column per component of the state.
-    pub state: Vec<Vec<f64>>,
-    /// One column per component of the action.
-    pub action: Vec<Vec<f64>>,
-    /// Mean of each component of the next state.
-    pub mean: Vec<Vec<f64>>,
-    /// Standard deviation of the latent function.
-    pub latent_std: Vec<Vec<f64>>,
-    /// Standard deviation of the noise.
-    pub noise_std: Vec<Vec<f64>>,
-}
+use stridemap_record::grid::MapGrid;
+use stridemap_record::{Columns, Transition};
 
 /// A map with its data.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapFigure {
     /// Iteration whose map is drawn.
-    pub iteration: u32,
+    pub iteration: usize,
     /// Names of state and action.
     pub columns: Columns,
     /// The map.
     pub grid: MapGrid,
     /// The training strides from which it was learned.
-    pub strides: Vec<StrideRow>,
+    pub strides: Vec<Transition>,
 }
 
 /// A plane of the grid: distinct states and actions, and for each the row of the table.

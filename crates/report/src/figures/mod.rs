@@ -18,10 +18,10 @@ mod table;
 mod trust;
 
 pub use actions::{ActionFigure, ActionIteration, actions};
-pub use lines::{LineFigure, LineGrid, LineOutput, map_lines};
-pub use map::{MapFigure, MapGrid, map_slices, map_surface};
+pub use lines::{LineFigure, map_lines};
+pub use map::{MapFigure, map_slices, map_surface};
 pub use paper::{Fig7, Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig7, fig8, fig9};
-pub use policy::{PolicyFigure, PolicyGrid, policy};
+pub use policy::{PolicyFigure, policy};
 pub use progress::{LearningCurves, StateOverStrides, learning_curves, state_over_strides};
 pub use return_map::{
     Fig10, ReturnMap, ReturnPair, Undisturbed, UndisturbedReturnMaps, fig10, pushed_one_stride,

@@ -1,7 +1,5 @@
 //! Figs. 7, 8 and 9 of Morimoto and Atkeson (2009).
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, some};
 use crate::draw::{Anchor, Axis, Dash, Key, Mark, Sheet, number, signed};
 use crate::error::Result;
@@ -13,7 +11,7 @@ pub(crate) const PSI: &str = "ψ_{roll}";
 /// Gaussian-process regression of a sine, as in Fig. 7.
 ///
 /// `target`, `mean` and `std` stand at the inputs `x`; `sample_y` at `sample_x`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fig7 {
     /// Inputs at which the curves are given, ascending, radians.
     pub x: Vec<f64>,
@@ -137,7 +135,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
 }
 
 /// Mean and standard deviation over seeds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeanSd {
     /// Mean over seeds.
     pub mean: f64,
@@ -146,7 +144,7 @@ pub struct MeanSd {
 }
 
 /// One trial of the comparison: an entry of `trials` of `compare --json`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrialComparison {
     /// Learning trials done; 0 is before any learning.
     pub trial: u32,
@@ -159,7 +157,7 @@ pub struct TrialComparison {
 }
 
 /// Learning on the map against learning on the full model, as in Fig. 8.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fig8 {
     /// One entry per trial, the first before any learning.
     pub trials: Vec<TrialComparison>,
@@ -325,7 +323,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
 }
 
 /// A policy over one state, averaged over seeds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PolicyCurve {
     /// Mean over seeds of the policy's mean action, at each state.
     pub mean: Vec<f64>,
@@ -336,7 +334,7 @@ pub struct PolicyCurve {
 }
 
 /// The policies learned on map and full model, as in Fig. 9.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fig9 {
     /// States at which both policies are given, ascending, degrees.
     pub psi_roll_deg: Vec<f64>,

@@ -1,46 +1,26 @@
 //! What a run learned: the policy.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, named, some};
 use super::names::{label, quantity};
 use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, extent, number, plain, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{Columns, StrideRow};
-
-/// A policy on lines through the state space, as `figures/data/policy-<iteration>.csv` holds it.
-///
-/// All columns are equally long; a line varies one component of the state.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PolicyGrid {
-    /// Which component of the state varies along the line of each row.
-    pub along: Vec<usize>,
-    /// One column per component of the state.
-    pub state: Vec<Vec<f64>>,
-    /// Mean of each component of the action.
-    pub mean: Vec<Vec<f64>>,
-    /// Standard deviation of each component of the action: how much the policy explores.
-    pub std: Vec<Vec<f64>>,
-    /// Value function, if it is known.
-    pub value: Option<Vec<f64>>,
-    /// Centres of the basis functions.
-    pub centres: Vec<Vec<f64>>,
-}
+use stridemap_record::grid::PolicyGrid;
+use stridemap_record::{Columns, Transition};
 
 /// A policy with the states that the robot visited.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PolicyFigure {
     /// Iteration whose policy is drawn.
-    pub iteration: u32,
+    pub iteration: usize,
     /// Names of state and action.
     pub columns: Columns,
     /// The policy.
     pub grid: PolicyGrid,
     /// Policies of other iterations, drawn thin, with their iteration.
-    pub earlier: Vec<(u32, PolicyGrid)>,
+    pub earlier: Vec<(usize, PolicyGrid)>,
     /// Strides whose states make the rug.
-    pub strides: Vec<StrideRow>,
+    pub strides: Vec<Transition>,
 }
 
 fn check_policy(stem: &str, data: &PolicyFigure) -> Result<()> {

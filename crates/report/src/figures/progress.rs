@@ -1,21 +1,20 @@
 //! What happened during a run: rewards per trial and stride, states per stride, runs beside each other.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::some;
 use super::names::{label, reward_axis, scale_note};
 use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, extent, number, plain, plural, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{LearningRow, StrideEnd, StrideRow};
+use stridemap_record::{LearningRow, StridePhase, StrideRole, Transition, World};
+use stridemap_returnmap::StrideEnd;
 
 /// Rewards of a run, in the map and on the robot.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LearningCurves {
     /// Trials, in order; those with world `map` are drawn as curves.
     pub trials: Vec<LearningRow>,
     /// Training and evaluation strides on the robot, in order.
-    pub strides: Vec<StrideRow>,
+    pub strides: Vec<Transition>,
     /// Mean reward of the nominal gait on the robot.
     pub nominal: Option<f64>,
     /// Mean reward of the final policy on the robot.
@@ -27,7 +26,7 @@ pub struct LearningCurves {
 }
 
 /// Separators and numbers of iterations along a sequence of `(iteration, position)`.
-fn iterations(p: &mut Panel, of: &[u32]) {
+fn iterations(p: &mut Panel, of: &[usize]) {
     let mut start = 0;
     for i in 1..=of.len() {
         if i == of.len() || of[i] != of[start] {
@@ -72,7 +71,11 @@ fn levels(p: &mut Panel, data: &LearningCurves) {
 /// [`ReportError::Empty`](crate::ReportError::Empty) if there is neither a trial nor a stride.
 pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
     let stem = "learning";
-    let trials: Vec<&LearningRow> = data.trials.iter().filter(|t| t.world == "map").collect();
+    let trials: Vec<&LearningRow> = data
+        .trials
+        .iter()
+        .filter(|t| t.world == World::Map)
+        .collect();
     some(
         stem,
         "no trial and no stride",
@@ -122,8 +125,8 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
                         t.iteration,
                         t.trial,
                         number(*y, 3),
-                        plural(t.strides as usize, "stride"),
-                        plural(t.falls as usize, "fall")
+                        plural(t.strides, "stride"),
+                        plural(t.falls, "fall")
                     ),
                 );
             }
@@ -201,7 +204,7 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
             i + 1,
             s.reward,
             u8::from(s.end == StrideEnd::Fell),
-            end_name(s.end)
+            s.end.name()
         ));
     }
     let alt = format!(
@@ -214,34 +217,26 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
-pub(crate) fn end_name(end: StrideEnd) -> &'static str {
-    match end {
-        StrideEnd::Crossing => "crossing",
-        StrideEnd::Fell => "fell",
-        StrideEnd::NoCrossing => "no_crossing",
-        StrideEnd::Aborted => "aborted",
-    }
-}
-
 /// Which strides, colour, mark and name.
 type MarkedSet<'a> = (
-    &'a dyn Fn(&StrideRow) -> bool,
+    &'a dyn Fn(&Transition) -> bool,
     &'static str,
     Mark,
     &'static str,
 );
 
 /// Strides on the robot as marks: training, evaluation, and those that ended badly.
-fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64, what: &str) {
-    let pick = |keep: &dyn Fn(&StrideRow) -> bool| -> Vec<(f64, f64)> {
+fn strides(p: &mut Panel, rows: &[Transition], value: impl Fn(&Transition) -> f64, what: &str) {
+    let pick = |keep: &dyn Fn(&Transition) -> bool| -> Vec<(f64, f64)> {
         rows.iter()
             .enumerate()
             .filter(|(_, s)| keep(s))
             .map(|(i, s)| (i as f64 + 1.0, value(s)))
             .collect()
     };
-    let ok = |s: &StrideRow| s.end == StrideEnd::Crossing;
-    let tries = |s: &StrideRow| s.phase == "evaluate" || s.role == "evaluation";
+    let ok = |s: &Transition| s.end == StrideEnd::Crossing;
+    let tries =
+        |s: &Transition| s.phase == StridePhase::Evaluate || s.role == StrideRole::Evaluation;
     let sets: [MarkedSet<'_>; 4] = [
         (
             &|s| ok(s) && !tries(s),
@@ -280,14 +275,14 @@ fn strides(p: &mut Panel, rows: &[StrideRow], value: impl Fn(&StrideRow) -> f64,
                 s.iteration,
                 if tries(s) { "trying" } else { "exploring" },
                 number(value(s), 3),
-                end_name(s.end)
+                s.end.name()
             ),
         );
     }
 }
 
 /// One component of the state at the section, stride by stride.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StateOverStrides {
     /// Name of the component, with its unit: `psi_roll_deg`.
     pub name: String,
@@ -296,11 +291,11 @@ pub struct StateOverStrides {
     /// The desired value, if the task has one for this component.
     pub target: Option<f64>,
     /// Training and evaluation strides, in order.
-    pub strides: Vec<StrideRow>,
+    pub strides: Vec<Transition>,
     /// Strides of the nominal gait, run only to report.
-    pub nominal: Vec<StrideRow>,
+    pub nominal: Vec<Transition>,
     /// Strides of the final policy, run only to report.
-    pub final_policy: Vec<StrideRow>,
+    pub final_policy: Vec<Transition>,
 }
 
 /// Draws the state over all strides on the robot, and nominal against final, as in Fig. 14.
@@ -312,13 +307,13 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
     let stem = "state";
     let total = data.strides.len() + data.nominal.len() + data.final_policy.len();
     some(stem, "no stride", total)?;
-    let value = |s: &StrideRow| {
+    let value = |s: &Transition| {
         s.next_state
             .get(data.component)
             .copied()
             .unwrap_or(f64::NAN)
     };
-    let shown = |s: &&StrideRow| s.end != StrideEnd::Aborted;
+    let shown = |s: &&Transition| s.end != StrideEnd::Aborted;
     let all: Vec<f64> = [&data.strides, &data.nominal, &data.final_policy]
         .iter()
         .flat_map(|rows| rows.iter().filter(shown).map(value))
@@ -398,7 +393,7 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
             sheet.add(p);
         }
     }
-    let count = |rows: &[StrideRow]| {
+    let count = |rows: &[Transition]| {
         let falls = rows.iter().filter(|s| s.end == StrideEnd::Fell).count();
         format!("n = {}, {}", rows.len(), plural(falls, "fall"))
     };
@@ -426,12 +421,7 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         ("final", &data.final_policy),
     ] {
         for (i, s) in rows.iter().enumerate() {
-            csv.push_str(&format!(
-                "{what},{},{},{}\n",
-                i + 1,
-                value(s),
-                end_name(s.end)
-            ));
+            csv.push_str(&format!("{what},{},{},{}\n", i + 1, value(s), s.end.name()));
         }
     }
     let alt = format!(

@@ -1,17 +1,15 @@
 //! Fig. 10 of the paper: the return map under pushes.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, some};
 use super::names::{label, quantity};
 use super::paper::PSI;
 use crate::draw::{Anchor, Axis, Dash, Key, Mark, Panel, Sheet, extent, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::ReturnLine;
+use stridemap_record::ReturnMapLine;
 
 /// A pair of states two strides apart, the first being the section after a push.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReturnPair {
     /// State at section k, degrees.
     pub psi_roll_deg: f64,
@@ -22,7 +20,7 @@ pub struct ReturnPair {
 }
 
 /// Pairs and the line through them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ReturnMap {
     /// What was run: `nominal gait`, `learned policy`.
     pub name: String,
@@ -33,11 +31,11 @@ pub struct ReturnMap {
     /// Where the line meets the identity, degrees: intercept / (1 - slope).
     pub fixed_point_deg: Option<f64>,
     /// Falls under the pushes, which give no pair.
-    pub falls: u32,
+    pub falls: usize,
 }
 
 /// Return maps of one or more policies beside each other.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fig10 {
     /// In the order in which they stand, at most three.
     pub maps: Vec<ReturnMap>,
@@ -269,18 +267,18 @@ fn csv(data: &Fig10, lag: usize) -> String {
 }
 
 /// Consecutive states of a gait that was not pushed.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Undisturbed {
     /// What was run: `nominal gait`, `final policy`.
     pub name: String,
     /// Unbroken stretches of states at successive sections.
     pub stretches: Vec<Vec<f64>>,
     /// Lines through the pairs k to k + 1 and k to k + 2, where the run directory has them.
-    pub lines: [Option<ReturnLine>; 2],
+    pub lines: [Option<ReturnMapLine>; 2],
 }
 
 /// Return maps of gaits that were not pushed.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct UndisturbedReturnMaps {
     /// Name of the state component, with its unit: `psi_roll_deg`.
     pub name: String,

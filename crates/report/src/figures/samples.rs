@@ -1,14 +1,12 @@
 //! How many strides a map needs: prediction error and speed against the number of samples.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, some};
 use crate::draw::{Axis, Dash, Key, Mark, Sheet, number, plural, signed};
 use crate::error::Result;
 use crate::figure::Figure;
 
 /// What one seed made of one number of samples.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SamplesPoint {
     /// Strides from which the map was learned.
     pub samples: u32,

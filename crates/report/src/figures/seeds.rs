@@ -1,7 +1,5 @@
 //! Several runs on the same axes, and the spread over seeds.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::some;
 use super::names::{reward_axis, scale_note};
 use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, number, plural};
@@ -14,7 +12,7 @@ const FEWEST_FOR_SPREAD: usize = 3;
 const MOST_NAMED: usize = 7;
 
 /// One run among several.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunCurve {
     /// Name of the run.
     pub name: String,

@@ -1,7 +1,5 @@
 //! Fig. 14: the roll of the pendulum at the section under an acquired stepping policy.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, some};
 use super::paper::PSI;
 use crate::draw::{Axis, Dash, Key, Mark, Sheet, signed};
@@ -9,7 +7,7 @@ use crate::error::Result;
 use crate::figure::Figure;
 
 /// ψ_roll at the sections of a measured policy.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Fig14 {
     /// ψ_roll at sections 1, 2, ... after the start, degrees.
     pub psi_roll_deg: Vec<f64>,

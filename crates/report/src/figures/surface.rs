@@ -383,29 +383,20 @@ mod tests {
                 action.push(u);
             }
         }
-        let stride = |x: f64, u: f64, next: f64| crate::run::StrideRow {
-            what: String::new(),
+        let stride = |x: f64, u: f64, next: f64| stridemap_record::Transition {
             iteration: 1,
-            phase: "collect".into(),
-            role: "training".into(),
-            episode: 0,
-            k: 0,
-            time_s: 0.0,
-            stance: String::new(),
-            state: vec![x],
-            action: vec![u],
-            next_state: vec![next],
-            reward: 0.0,
-            end: crate::run::StrideEnd::Crossing,
-            fall: None,
+            state: [x].as_slice().into(),
+            action: [u].as_slice().into(),
+            next_state: [next].as_slice().into(),
+            ..Default::default()
         };
         let data = MapFigure {
             iteration: 1,
-            columns: crate::run::Columns {
+            columns: stridemap_record::Columns {
                 state: vec!["psi_roll_deg".into()],
                 action: vec!["ankle_roll_amplitude_deg".into()],
             },
-            grid: super::super::map::MapGrid {
+            grid: stridemap_record::grid::MapGrid {
                 state_axis: vec![0; 9],
                 action_axis: vec![0; 9],
                 mean: vec![action.iter().map(|u| 1.0 - u).collect()],

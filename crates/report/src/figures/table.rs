@@ -1,9 +1,7 @@
 //! The paper beside ours.
 
-use serde::{Deserialize, Serialize};
-
 /// One number of the paper and ours.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ComparisonRow {
     /// Where in the paper: `Fig. 10`.
     pub place: String,
@@ -16,7 +14,7 @@ pub struct ComparisonRow {
 }
 
 /// The table with which `reproduce all` ends.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ComparisonTable {
     /// Rows in order.
     pub rows: Vec<ComparisonRow>,

@@ -1,19 +1,20 @@
 //! Can it be trusted: predictions against outcomes, residuals, success over seeds.
 
-use serde::{Deserialize, Serialize};
-
 use super::check::{column, some};
 use super::names::{label, quantity};
 use crate::draw::{Axis, Dash, Key, Mark, Sheet, number, plain, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{LeaveOneOut, MapCard, MapOutput};
+use stridemap_returnmap::{SavedLeaveOneOut, SavedMap, SavedOutput};
 
-fn scored<'a>(stem: &str, map: &'a MapCard) -> Result<Vec<(&'a MapOutput, &'a LeaveOneOut)>> {
+fn scored<'a>(
+    stem: &str,
+    map: &'a SavedMap,
+) -> Result<Vec<(&'a SavedOutput, &'a SavedLeaveOneOut)>> {
     let outputs: Vec<_> = map
         .outputs
         .iter()
-        .filter_map(|o| o.leave_one_out.as_ref().map(|l| (o, l)))
+        .map(|o| (o, &o.leave_one_out))
         .filter(|(_, l)| !l.actual.is_empty())
         .collect();
     some(stem, "no leave-one-out prediction", outputs.len())?;
@@ -26,7 +27,7 @@ fn scored<'a>(stem: &str, map: &'a MapCard) -> Result<Vec<(&'a MapOutput, &'a Le
     Ok(outputs)
 }
 
-fn residuals(l: &LeaveOneOut) -> Vec<f64> {
+fn residuals(l: &SavedLeaveOneOut) -> Vec<f64> {
     l.actual
         .iter()
         .zip(&l.mean)
@@ -46,7 +47,7 @@ fn within(residuals: &[f64], k: f64) -> usize {
 /// # Errors
 ///
 /// [`ReportError`](crate::ReportError) if there is no leave-one-out prediction, or a value is not finite.
-pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
+pub fn predicted_actual(map: &SavedMap) -> Result<Figure> {
     let stem = "predicted";
     let outputs = scored(stem, map)?;
     let mut sheet = Sheet::new(stem, "Predicted against actual");
@@ -55,7 +56,7 @@ pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
     } else {
         outputs.len().min(3)
     };
-    let spec = |(o, l): &(&MapOutput, &LeaveOneOut)| {
+    let spec = |(o, l): &(&SavedOutput, &SavedLeaveOneOut)| {
         let all = || {
             l.actual.iter().copied().chain(
                 l.mean
@@ -171,7 +172,7 @@ pub fn predicted_actual(map: &MapCard) -> Result<Figure> {
 /// # Errors
 ///
 /// [`ReportError`](crate::ReportError) if there is no leave-one-out prediction, or a value is not finite.
-pub fn standardized_residuals(map: &MapCard) -> Result<Figure> {
+pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
     let stem = "residuals";
     let outputs = scored(stem, map)?;
     const EDGE: f64 = 4.0;
@@ -272,7 +273,7 @@ pub fn standardized_residuals(map: &MapCard) -> Result<Figure> {
 }
 
 /// How many runs of a number of strides succeeded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SuccessRate {
     /// Training and evaluation strides of each run.
     pub strides: u32,

@@ -2,7 +2,8 @@
 
 use crate::draw::{escape, number, plain, plural, signed};
 use crate::figures::{label, quantity};
-use crate::run::{MapOutput, Measured, Run, StrideEnd};
+use stridemap_record::{Measured, Run, Verdict};
+use stridemap_returnmap::{SavedOutput, StrideEnd};
 
 /// Title of the page of one run.
 pub(super) fn title(run: &Run) -> String {
@@ -103,14 +104,15 @@ pub(super) fn remarks(run: &Run) -> String {
             run.summary.as_ref().and_then(|s| s.final_policy),
         ),
     ] {
+        let measured = measured.map(|m| m.performance);
         if let Some(m) = measured.filter(|m| m.falls > 0 || m.stalls > 0) {
             says.push((
                 true,
                 format!(
                     "Measured apart from learning, the {name} had {} and {} in {}.",
-                    plural(m.falls as usize, "fall"),
-                    plural(m.stalls as usize, "stall"),
-                    plural(m.strides as usize, "stride")
+                    plural(m.falls, "fall"),
+                    plural(m.stalls, "stall"),
+                    plural(m.strides, "stride")
                 ),
             ));
         }
@@ -118,7 +120,7 @@ pub(super) fn remarks(run: &Run) -> String {
     if let Some(s) = &run.summary {
         let warned: usize = s.iterations.iter().map(|i| i.warnings.len()).sum();
         let back = s.iterations.iter().filter_map(|i| i.proof.as_ref());
-        let back = back.filter(|p| p.verdict == "warned").count();
+        let back = back.filter(|p| p.verdict == Verdict::Warned).count();
         if warned > 0 {
             says.push((
                 false,
@@ -134,9 +136,11 @@ pub(super) fn remarks(run: &Run) -> String {
             ));
         }
         if !s.iterations.is_empty()
-            && s.iterations
-                .iter()
-                .all(|i| i.proof.as_ref().is_some_and(|p| p.verdict != "proven"))
+            && s.iterations.iter().all(|i| {
+                i.proof
+                    .as_ref()
+                    .is_some_and(|p| p.verdict != Verdict::Proven)
+            })
         {
             says.push((true, "No policy was proven on the robot.".to_owned()));
         }
@@ -183,12 +187,14 @@ fn times(n: usize) -> String {
 }
 
 fn reward(m: Option<Measured>) -> String {
-    m.and_then(|m| m.mean_reward)
-        .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3))
+    m.map_or_else(
+        || "\u{2013}".to_owned(),
+        |m| number(m.performance.mean_reward, 3),
+    )
 }
 
 fn psi(m: Option<Measured>) -> String {
-    m.and_then(|m| m.mean_psi_roll_deg)
+    m.and_then(|m| m.performance.mean_psi_roll_deg)
         .map_or_else(|| "\u{2013}".to_owned(), |v| signed(v, 2))
 }
 
@@ -267,7 +273,7 @@ pub(super) fn tiles(run: &Run) -> String {
             "nothing learned beats the nominal gait, which is the final policy".to_owned(),
         ));
     }
-    if let Some(push) = run.push.as_ref().map(|p| &p.summary)
+    if let Some(push) = &run.push
         && let (Some(slope), Some(fixed)) = (push.slope, push.fixed_point_deg)
     {
         tiles.push((
@@ -275,9 +281,9 @@ pub(super) fn tiles(run: &Run) -> String {
             "slope of the return map under pushes, and its fixed point".to_owned(),
         ));
     }
-    if let Some(seconds) = s.seconds.filter(|s| s.total > 0.0) {
+    if s.seconds.total > 0.0 {
         tiles.push((
-            format!("{} s", number(seconds.total, 3)),
+            format!("{} s", number(s.seconds.total, 3)),
             "computing, simulation included".to_owned(),
         ));
     }
@@ -363,11 +369,8 @@ pub(super) fn overview(runs: &[Run]) -> String {
     )
 }
 
-fn within(output: &MapOutput, k: f64) -> Option<String> {
-    let l = output
-        .leave_one_out
-        .as_ref()
-        .filter(|l| !l.actual.is_empty())?;
+fn within(output: &SavedOutput, k: f64) -> Option<String> {
+    let l = Some(&output.leave_one_out).filter(|l| !l.actual.is_empty())?;
     let inside = l
         .actual
         .iter()
@@ -388,9 +391,6 @@ pub(super) fn model_card(run: &Run) -> String {
     let last = last.map(|a| format!("last {}", plain(&label(a, ""))));
     let now = run.columns.state.iter().chain(&run.columns.action);
     let inputs: Vec<String> = now.map(|n| plain(&label(n, ""))).chain(last).collect();
-    let optional = |v: Option<f64>, f: &dyn Fn(f64) -> f64| {
-        v.map_or_else(|| "\u{2013}".to_owned(), |v| number(f(v), 3))
-    };
     let mut rows = String::new();
     let mut warnings = String::new();
     for o in &map.outputs {
@@ -424,9 +424,9 @@ pub(super) fn model_card(run: &Run) -> String {
              <td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
             subscripts(&format!("{}{}", plain(&name), if unit.is_empty() { String::new() } else { format!(" ({unit})") })),
             subscripts(&scales.join("; ")),
-            optional(o.signal_variance, &f64::sqrt),
-            optional(o.noise_variance, &f64::sqrt),
-            optional(o.log_marginal_likelihood, &|v| v),
+            number(o.signal_variance.sqrt(), 3),
+            number(o.noise_variance.sqrt(), 3),
+            number(o.log_marginal_likelihood, 3),
             within(o, 1.0).unwrap_or_else(dash),
             within(o, 2.0).unwrap_or_else(dash)
         ));
@@ -520,15 +520,15 @@ pub(super) fn provenance(run: &Run) -> String {
         "while learning",
         format!("{}, {}", plural(falls, "fall"), plural(stalls, "stall")),
     ));
-    if let Some(seconds) = run.summary.as_ref().and_then(|s| s.seconds) {
+    if let Some(seconds) = run.summary.as_ref().map(|s| s.seconds) {
         rows.push((
             "seconds of computing",
             format!(
                 "{} in all: {} simulating, {} fitting, {} improving",
                 number(seconds.total, 3),
-                number(seconds.simulation, 3),
-                number(seconds.fit, 2),
-                number(seconds.improve, 3)
+                number(seconds.by_work.simulation, 3),
+                number(seconds.by_work.fit, 2),
+                number(seconds.by_work.improve, 3)
             ),
         ));
     }
@@ -567,7 +567,7 @@ fn proofs(run: &Run) -> String {
             let warnings: Vec<&str> = i
                 .warnings
                 .iter()
-                .map(|w| crate::figures::warning_words(&w.warning))
+                .map(|w| crate::figures::warning_words(w.warning))
                 .collect();
             let mut kinds = warnings.clone();
             kinds.sort_unstable();
@@ -579,7 +579,7 @@ fn proofs(run: &Run) -> String {
                 i.iteration,
                 i.strides,
                 number(p.speed_m_s, 3),
-                crate::figures::verdict_words(&p.verdict),
+                crate::figures::verdict_words(p.verdict),
                 if chosen { ", <b>final</b>" } else { "" },
                 escape(&if warnings.is_empty() {
                     "\u{2013}".to_owned()

@@ -1,24 +1,23 @@
 //! Falls and their causes, as a table.
 
 use crate::draw::{escape, number, plural};
-use crate::run::{Fall, Run, StrideRow};
+use stridemap_record::{Fall, FallCriterion, Run};
 
 /// Rows that a reader looks at; the rest is counted.
 const MOST: usize = 20;
 
 /// What a criterion looks at, its unit, and on which side of its threshold a fall lies.
-fn words(criterion: &str) -> (&str, &str, &str) {
+const fn words(criterion: FallCriterion) -> (&'static str, &'static str, &'static str) {
     match criterion {
-        "psi_roll" => ("ψ<sub>roll</sub> at the section", "\u{b0}", "below"),
-        "height" => ("height of the mass, share of its first", "", "below"),
-        "tilt" => ("tilt of the base", "\u{b0}", "above"),
-        "no_section" => ("time without a section (a stall)", " s", "above"),
-        other => (other, "", "beyond"),
+        FallCriterion::PsiRoll => ("ψ<sub>roll</sub> at the section", "\u{b0}", "below"),
+        FallCriterion::Height => ("height of the mass, share of its first", "", "below"),
+        FallCriterion::Tilt => ("tilt of the base", "\u{b0}", "above"),
+        FallCriterion::NoSection => ("time without a section (a stall)", " s", "above"),
     }
 }
 
 fn row(place: &str, fall: &Fall) -> String {
-    let (what, unit, side) = words(&fall.criterion);
+    let (what, unit, side) = words(fall.criterion);
     format!(
         "<tr><td>{}</td><td>{what}</td><td class=\"num\">{}{unit}</td><td class=\"num\">{side} {}{unit}</td></tr>",
         escape(place),
@@ -29,14 +28,12 @@ fn row(place: &str, fall: &Fall) -> String {
 
 /// Every fall and stall of a run whose cause is known; nothing without one.
 pub(super) fn table(run: &Run) -> String {
-    let of = |strides: &[StrideRow], place: &dyn Fn(usize, &StrideRow) -> String| -> Vec<String> {
-        let fell = strides.iter().enumerate();
-        fell.filter_map(|(i, t)| Some(row(&place(i, t), t.fall.as_ref()?)))
-            .collect()
-    };
-    let mut rows = of(&run.transitions, &|i, t| {
-        format!("stride {} (iteration {})", i + 1, t.iteration)
+    let fell = run.transitions.iter().enumerate();
+    let fell = fell.filter_map(|(i, t)| {
+        let place = format!("stride {} (iteration {})", i + 1, t.iteration);
+        Some(row(&place, &t.fall?))
     });
+    let mut rows: Vec<String> = fell.collect();
     let starts = run.summary.iter().flat_map(|s| &s.falls);
     let starts = starts.filter(|f| f.stride.is_none());
     rows.extend(starts.map(|f| {
@@ -46,8 +43,9 @@ pub(super) fn table(run: &Run) -> String {
         };
         row(&place, &f.fall)
     }));
-    rows.extend(of(&run.record, &|_, t| {
-        format!("measuring {}, stride {} of a start", t.what, t.k + 1)
+    rows.extend(run.record.iter().filter_map(|(what, t)| {
+        let place = format!("measuring {what}, stride {} of a start", t.k + 1);
+        Some(row(&place, &t.fall?))
     }));
     if rows.is_empty() {
         return String::new();

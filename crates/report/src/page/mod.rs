@@ -13,7 +13,7 @@ use crate::draw::{escape, page_variables};
 use crate::error::{ReportError, Result};
 use crate::figure::{Figure, write_aside};
 use crate::report::{Section, comparison, sections};
-use crate::run::{Recording, Run};
+use stridemap_record::{Recording, Run};
 
 const STYLE: &str = include_str!("../../assets/page/style.css");
 const FIGURES: &str = include_str!("../../assets/page/figures.js");

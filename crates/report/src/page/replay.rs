@@ -4,7 +4,8 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use crate::run::{Recording, Shape};
+use stridemap_record::Recording;
+use stridemap_robot::Shape;
 
 /// What the page's script reads; see `assets/page/replay.js`.
 #[derive(Debug, Serialize)]
@@ -53,7 +54,7 @@ pub(super) fn pack(recording: &Recording, budget: usize) -> Packed<'_> {
         .div_ceil(budget.max(1))
         .max(1);
     let kept: Vec<_> = recording.frames.iter().step_by(every).collect();
-    let first = |f: &crate::run::Frame| f.poses.first().copied().unwrap_or([0.0; 7]);
+    let first = |f: &stridemap_record::Frame| f.poses.first().copied().unwrap_or([0.0; 7]);
     let reach = kept
         .iter()
         .flat_map(|f| {
@@ -118,7 +119,7 @@ pub(super) fn pack(recording: &Recording, budget: usize) -> Packed<'_> {
 
 /// Height of the highest shape's far end in the first frame, whatever its orientation.
 fn height(recording: &Recording) -> f64 {
-    use crate::run::ShapeKind;
+    use stridemap_robot::ShapeKind;
     let Some(frame) = recording.frames.first() else {
         return 1.0;
     };
@@ -148,7 +149,7 @@ fn height(recording: &Recording) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::Frame;
+    use stridemap_record::Frame;
 
     fn recording(frames: usize) -> Recording {
         let frame = |i: usize| Frame {

@@ -98,7 +98,7 @@ pub fn fig9_data() -> Fig9 {
 
 pub fn fig10_data() -> Fig10 {
     let mut rng = Lcg(10);
-    let mut map = |name: &str, slope: f64, fixed: f64, falls: u32| {
+    let mut map = |name: &str, slope: f64, fixed: f64, falls: usize| {
         let pairs = (0..39)
             .map(|_| {
                 let psi = fixed + 1.1 * rng.normal();

@@ -3,7 +3,9 @@
 use super::Lcg;
 use std::fs;
 use std::path::Path;
-use stridemap_report::run::*;
+use stridemap_record::{Frame, Recording};
+use stridemap_returnmap::{SavedLeaveOneOut, SavedMap};
+use stridemap_robot::{Pose, Shape, ShapeKind};
 
 /// What is wrong with the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -157,7 +159,7 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
     }
     let falls = u32::from(faults.fall);
     put("summary.json", &format!("{{\"experiment\":\"stepping\",\"seed\":{seed},\"strides\":{{\"training\":80,\"evaluation\":0,\"warm_up\":0,\"record\":120}},\"iterations\":[{}],\"nominal\":{{\"strides\":100,\"mean_reward\":-0.1021,\"mean_psi_roll_deg\":3.01,\"falls\":0,\"stalls\":0}},\"final\":{{\"strides\":100,\"mean_reward\":-0.00062,\"mean_psi_roll_deg\":2.004,\"falls\":0,\"stalls\":0,\"speed_m_s\":null}},\"seconds\":{{\"simulation\":1.1,\"fit\":0.01,\"improve\":0.2,\"total\":1.31}}}}",
-        (1..=4).map(|i| format!("{{\"iteration\":{i},\"strides\":20,\"falls\":{},\"strides_so_far\":{},\"falls_so_far\":{falls},\"log_marginal_likelihood\":[12.3],\"mean_reward\":{}}}", if i == 2 { falls } else { 0 }, 20 * i, -0.02 / f64::from(i * i * i) - 0.0006)).collect::<Vec<_>>().join(",")));
+        (1..=4).map(|i| format!("{{\"iteration\":{i},\"strides\":20,\"falls\":{},\"strides_so_far\":{},\"falls_so_far\":{falls},\"log_marginal_likelihood\":[12.3],\"mean_reward\":{},\"success\":false}}", if i == 2 { falls } else { 0 }, 20 * i, -0.02 / f64::from(i * i * i) - 0.0006)).collect::<Vec<_>>().join(",")));
     for (stem, slope, fixed, falls) in [("push", 0.12, 2.03, 0), ("push-nominal", 0.66, 3.02, 1)] {
         let mut csv =
             String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
@@ -175,7 +177,7 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
         put(
             &format!("{stem}.json"),
             &format!(
-                "{{\"slope\":{slope},\"fixed_point_deg\":{fixed},\"falls\":{falls},\"pairs\":39,\"force_n\":40.0,\"duration_s\":0.2}}"
+                "{{\"slope\":{slope},\"fixed_point_deg\":{fixed},\"falls\":{falls},\"pairs\":39,\"strides\":160,\"force_n\":40.0,\"duration_s\":0.2}}"
             ),
         );
     }
@@ -198,7 +200,7 @@ fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
     put(&format!("figures/data/policy-{i}.csv"), &policy);
     put(
         &format!("policy/{i}.json"),
-        "{\"kind\":\"gaussian_network\",\"format\":1,\"bases\":[{\"centre\":[0.8]},{\"centre\":[1.5]},{\"centre\":[2.3]},{\"centre\":[3.4]}]}",
+        include_str!("../../../mutate/corpus/policy/1.json"),
     );
     let mut map = String::from(
         "state_axis,action_axis,psi_roll_deg,step_amplitude_deg,mean_psi_roll_deg,latent_std_psi_roll_deg,noise_std_psi_roll_deg\n",
@@ -237,24 +239,16 @@ fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
     let n = 20 * i as usize;
     let actual: Vec<f64> = (0..n).map(|_| 2.2 + 0.5 * rng.normal()).collect();
     let mean: Vec<f64> = actual.iter().map(|a| a + 0.09 * rng.normal()).collect();
-    let card = MapCard {
-        format: 1,
-        iteration: i,
-        outputs: vec![MapOutput {
-            name: "psi_roll_deg".to_owned(),
-            log_marginal_likelihood: Some(12.3),
-            length_scales: vec![2.1, 5.2],
-            signal_variance: Some(4.0),
-            noise_variance: Some(0.0064),
-            warnings: vec![
-                "the length scale of `step_amplitude_deg` is at its upper limit".to_owned(),
-            ],
-            leave_one_out: Some(LeaveOneOut {
-                mean,
-                std: vec![0.09; n],
-                actual,
-            }),
-        }],
+    let text = include_str!("../../../mutate/corpus/map/1.json");
+    let mut card: SavedMap = serde_json::from_str(text).unwrap();
+    card.iteration = i as usize;
+    let output = &mut card.outputs[0];
+    output.warnings =
+        vec!["the length scale of `step_amplitude_deg` is at its upper limit".to_owned()];
+    output.leave_one_out = SavedLeaveOneOut {
+        mean,
+        std: vec![0.09; n],
+        actual,
     };
     put(
         &format!("map/{i}.json"),

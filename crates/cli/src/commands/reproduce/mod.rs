@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use stridemap_lab::run::files;
+use stridemap_record::files;
 use stridemap_report::figures::{Shot, TimeLapse, time_lapses};
 
 use crate::args::{Common, FigureName, RobotName};

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use stridemap_mujoco::render::{Camera, Solid, render};
 use stridemap_report::figures::{Shot, Solid as Drawn, TimeLapse, View, solids};
-use stridemap_report::run::ShapeKind as Kind;
-use stridemap_robot::{Pose, ShapeKind};
+use stridemap_robot::ShapeKind as Kind;
 
 use crate::failure::Failure;
 use crate::output;
@@ -70,29 +69,8 @@ fn reach(kind: Kind) -> f64 {
 
 fn solid(s: Drawn) -> Solid {
     Solid {
-        kind: match s.kind {
-            Kind::Sphere { radius_m } => ShapeKind::Sphere { radius_m },
-            Kind::Capsule {
-                radius_m,
-                half_length_m,
-            } => ShapeKind::Capsule {
-                radius_m,
-                half_length_m,
-            },
-            Kind::Cylinder {
-                radius_m,
-                half_length_m,
-            } => ShapeKind::Cylinder {
-                radius_m,
-                half_length_m,
-            },
-            Kind::Ellipsoid { semi_axes_m } => ShapeKind::Ellipsoid { semi_axes_m },
-            Kind::Box { half_extents_m } => ShapeKind::Box { half_extents_m },
-        },
-        pose: Pose {
-            position_m: s.pose.position_m,
-            orientation: s.pose.orientation,
-        },
+        kind: s.kind,
+        pose: s.pose,
         rgba: s.rgba,
     }
 }

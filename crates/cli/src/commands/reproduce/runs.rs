@@ -5,8 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use stridemap_lab::builtin::{self, LoadedTask};
-use stridemap_lab::run::Summary;
-use stridemap_report::run::Run;
+use stridemap_record::{Run, Summary};
 
 use crate::args::Common;
 use crate::commands::learn::start_or_go_on;

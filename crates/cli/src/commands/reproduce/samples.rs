@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use serde::Serialize;
-use stridemap_lab::run::{Summary, files};
 use stridemap_lab::{
-    Algorithm, InPlace, LabError, NoRecorder, Transition, builtin, fit_map, one_step_error,
-    unseen_error,
+    Algorithm, LabError, NoRecorder, builtin, fit_map, one_step_error, unseen_error,
 };
+use stridemap_record::{InPlace, Transition, files};
 use stridemap_report::figures::{SamplesPoint, samples as draw};
 
 use crate::args::Common;
@@ -76,7 +75,7 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
             let strides = &algorithm.progress.transitions;
             let collected = &strides[..n.min(strides.len())];
             let map = fit_map(&task, collected, &InPlace::default(), seed, 1)?;
-            let summary = Summary::of(&task, seed, &algorithm.progress);
+            let summary = algorithm.progress.summary(&task, seed);
             let falls: usize = summary.iterations.iter().map(|i| i.falls).sum();
             Ok(SamplesPoint {
                 samples: u32::try_from(n).unwrap_or(u32::MAX),

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use stridemap_lab::run::Summary;
+use stridemap_record::{Recording, Run, Summary};
 use stridemap_report::ReportError;
 use stridemap_report::figures::{Fig14, MapFigure, Shot, Strip, TimeLapse, View, fig13, fig14};
-use stridemap_report::run::{Recording, Run, StrideEnd};
+use stridemap_returnmap::StrideEnd;
 
 use super::runs::{Runs, RunsOfTask};
 use super::{Row, row, spread, write_strips};
@@ -116,7 +116,7 @@ fn first_map(run: &Run) -> Result<MapFigure, Failure> {
 /// ψ_roll at the sections of the first iteration's policy.
 fn roll_at_sections(run: &Run) -> Result<Fig14, Failure> {
     let sections = |what: &str| -> Vec<f64> {
-        let rows = run.record.iter().filter(|r| r.what == what);
+        let rows = run.record.iter().filter(|r| r.0 == what).map(|r| &r.1);
         rows.filter(|r| r.end == StrideEnd::Crossing)
             .filter_map(|r| r.next_state.first().copied())
             .collect()
@@ -157,7 +157,7 @@ pub fn walking(
     runs: &Runs<'_>,
 ) -> Result<Vec<Row>, Failure> {
     let RunsOfTask { first, summaries } = one(runs.of(&["small-walking"])?)?;
-    let strides = |iterations: usize| -> u64 {
+    let strides = |iterations: usize| -> usize {
         let summary = first.summary.iter().flat_map(|s| &s.iterations);
         summary.take(iterations).map(|i| i.strides).sum()
     };

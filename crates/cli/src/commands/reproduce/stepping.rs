@@ -6,8 +6,9 @@ use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_gp::{Gp, Hyperparameters, Kernel, Mean, Points};
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{Algorithm, LabError, Performance, PushConfig, PushOutcome, builtin, push};
+use stridemap_lab::{Algorithm, LabError, PushConfig, builtin, push};
 use stridemap_learn::SavedPolicy;
+use stridemap_record::{Performance, PushOutcome};
 use stridemap_report::figures::{Fig7, Fig10, ReturnMap, ReturnPair, fig7, fig8, fig9, fig10};
 
 use super::{Row, row};
@@ -167,7 +168,7 @@ fn return_map(name: &str, outcome: &PushOutcome) -> ReturnMap {
             .collect(),
         slope: outcome.slope,
         fixed_point_deg: outcome.fixed_point_deg,
-        falls: u32::try_from(outcome.falls).unwrap_or(u32::MAX),
+        falls: outcome.falls,
     }
 }
 
@@ -186,7 +187,7 @@ fn fig10_data(pushed: &Pushed) -> Fig10 {
 fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
     let command = format!("compare stepping-paper --seeds {}", c.seeds);
     let last = c.trials.last();
-    let reward = |of: &dyn Fn(&stridemap_lab::ComparePoint) -> stridemap_lab::Spread| {
+    let reward = |of: &dyn Fn(&stridemap_lab::ComparePoint) -> stridemap_record::Spread| {
         last.map_or("-".into(), |t| {
             let s = of(t);
             format!(

@@ -20,7 +20,7 @@ use super::check::some;
 use crate::draw::{Sheet, coord, number, signed, spans};
 use crate::error::Result;
 use crate::figure::Figure;
-use crate::run::{Recording, Run};
+use stridemap_record::{Recording, Run};
 
 use picture::{Stage, picture};
 pub use silhouette::View;
@@ -246,7 +246,8 @@ fn caption_of(head: &str, strip: &Strip, row: &[Silhouette], view: View) -> Stri
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::{Frame, Pose, Shape, ShapeKind};
+    use stridemap_record::Frame;
+    use stridemap_robot::{Pose, Shape, ShapeKind};
 
     /// A post of 1 m on a foot that walks at 0.5 m/s (or stands).
     fn walking(speed_m_s: f64) -> Recording {

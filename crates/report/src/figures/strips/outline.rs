@@ -1,6 +1,6 @@
 //! Shapes as convex hulls.
 
-use crate::run::ShapeKind;
+use stridemap_robot::ShapeKind;
 
 /// Points around a circle; a circle of radius 1 is then drawn to 0.4 %.
 pub(super) const AROUND: usize = 36;

@@ -11,7 +11,8 @@
 //! moment, its first axis along the torso's heading there, its last one upward.
 
 use super::outline::{AROUND, balls, hull, turn, volume};
-use crate::run::{Frame, Pose, Recording, Shape};
+use stridemap_record::{Frame, Recording};
+use stridemap_robot::{Pose, Shape};
 
 /// From where a robot is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -241,7 +242,7 @@ impl<'a> Scene<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::ShapeKind;
+    use stridemap_robot::ShapeKind;
 
     fn shape(name: &str, body: usize, kind: ShapeKind, at: [f64; 3]) -> Shape {
         Shape {

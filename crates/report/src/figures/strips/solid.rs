@@ -3,7 +3,7 @@
 use super::outline::turn;
 use super::silhouette::Scene;
 use super::{Shot, Strip, View};
-use crate::run::{Pose, ShapeKind};
+use stridemap_robot::{Pose, ShapeKind};
 
 /// A shape in the frame of the start: metres ahead, to the left, above the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +89,8 @@ pub fn solids(strip: &Strip, shot: Shot, lane_m: f64) -> Vec<Solid> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::{Frame, Recording, Shape};
+    use stridemap_record::{Frame, Recording};
+    use stridemap_robot::Shape;
 
     /// A ball that starts at (2, 3) looking along +y and goes 1 m along +y: in the frame of the start it
     /// goes 1 m ahead, and its lane is to the left.

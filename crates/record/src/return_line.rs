@@ -3,8 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_returnmap::{AnalysisError, ReturnLine, StrideEnd};
 
-use crate::error::LabError;
-use crate::strides::Transition;
+use crate::stride::Transition;
 
 /// A least-squares line through pairs (ψ(k), ψ(k+lag)), as it is written to files.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,21 +23,21 @@ impl ReturnMapLine {
     ///
     /// # Errors
     ///
-    /// [`LabError::Analysis`] for a value that is not finite.
+    /// [`AnalysisError`] for a value that is not finite.
     ///
     /// # Example
     ///
     /// ```
-    /// use stridemap_lab::ReturnMapLine;
+    /// use stridemap_record::ReturnMapLine;
     ///
     /// // ψ′ = 1 + ψ / 2 meets the diagonal at 2.
     /// let line = ReturnMapLine::fit(&[(0.0, 1.0), (1.0, 1.5), (4.0, 3.0)])?.unwrap();
     /// assert!((line.slope - 0.5).abs() < 1e-12);
     /// assert!((line.fixed_point_deg.unwrap() - 2.0).abs() < 1e-12);
     /// assert!(ReturnMapLine::fit(&[(0.0, 1.0)])?.is_none());
-    /// # Ok::<(), stridemap_lab::LabError>(())
+    /// # Ok::<(), stridemap_returnmap::AnalysisError>(())
     /// ```
-    pub fn fit(pairs: &[(f64, f64)]) -> Result<Option<Self>, LabError> {
+    pub fn fit(pairs: &[(f64, f64)]) -> Result<Option<Self>, AnalysisError> {
         match ReturnLine::fit(pairs) {
             Ok(line) => Ok(Some(Self {
                 slope: line.slope,
@@ -47,7 +46,7 @@ impl ReturnMapLine {
                 pairs: line.pairs,
             })),
             Err(AnalysisError::TooFewPairs { .. } | AnalysisError::NoSpread { .. }) => Ok(None),
-            Err(error) => Err(LabError::Analysis(error)),
+            Err(error) => Err(error),
         }
     }
 

@@ -4,33 +4,27 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::error::LabError;
+use stridemap_files::Lock;
 
-fn failed(path: &Path, doing: &'static str) -> impl FnOnce(std::io::Error) -> LabError {
-    let path = path.to_path_buf();
-    move |source| LabError::File {
-        path,
-        doing,
-        source,
-    }
-}
+use crate::FORMAT;
+use crate::error::RecordError;
 
 /// Writes a whole file, as [`stridemap_files::write_whole`] does.
 ///
 /// # Errors
 ///
-/// [`LabError::File`]; the old file is then untouched.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), LabError> {
-    stridemap_files::write_whole(path, bytes).map_err(failed(path, "write"))
+/// [`RecordError::File`]; the old file is then untouched.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    stridemap_files::write_whole(path, bytes).map_err(RecordError::file(path, "write"))
 }
 
 /// Whether a file could be written, before the work for it begins; touches nothing.
 ///
 /// # Errors
 ///
-/// [`LabError::Unwritable`].
-pub fn check_file(path: &Path) -> Result<(), LabError> {
-    stridemap_files::check_file(path).map_err(|source| LabError::Unwritable {
+/// [`RecordError::Unwritable`].
+pub fn check_file(path: &Path) -> Result<(), RecordError> {
+    stridemap_files::check_file(path).map_err(|source| RecordError::Unwritable {
         path: path.into(),
         source,
     })
@@ -40,12 +34,26 @@ pub fn check_file(path: &Path) -> Result<(), LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError::Unwritable`].
-pub fn check_dir(path: &Path) -> Result<(), LabError> {
-    stridemap_files::check_dir(path).map_err(|source| LabError::Unwritable {
+/// [`RecordError::Unwritable`].
+pub fn check_dir(path: &Path) -> Result<(), RecordError> {
+    stridemap_files::check_dir(path).map_err(|source| RecordError::Unwritable {
         path: path.into(),
         source,
     })
+}
+
+fn unfit(path: &Path) -> impl FnOnce(serde_json::Error) -> RecordError {
+    move |error| RecordError::content(path, None, format!("cannot be written as JSON: {error}"))
+}
+
+/// Writes a value as JSON in one line, whole.
+///
+/// # Errors
+///
+/// As [`write_whole`].
+pub fn write_json_line(path: &Path, value: &impl serde::Serialize) -> Result<(), RecordError> {
+    let text = serde_json::to_string(value).map_err(unfit(path))?;
+    write_whole(path, text.as_bytes())
 }
 
 /// Writes a value as indented JSON with a final newline, whole.
@@ -53,12 +61,8 @@ pub fn check_dir(path: &Path) -> Result<(), LabError> {
 /// # Errors
 ///
 /// As [`write_whole`].
-pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), LabError> {
-    let mut text = serde_json::to_string_pretty(value).map_err(|error| LabError::Content {
-        path: path.into(),
-        line: None,
-        problem: format!("cannot be written as JSON: {error}"),
-    })?;
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), RecordError> {
+    let mut text = serde_json::to_string_pretty(value).map_err(unfit(path))?;
     text.push('\n');
     write_whole(path, text.as_bytes())
 }
@@ -67,31 +71,47 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), LabE
 ///
 /// # Errors
 ///
-/// [`LabError::File`].
-pub fn read_text(path: &Path) -> Result<String, LabError> {
-    fs::read_to_string(path).map_err(failed(path, "read"))
+/// [`RecordError::File`].
+pub fn read_text(path: &Path) -> Result<String, RecordError> {
+    fs::read_to_string(path).map_err(RecordError::file(path, "read"))
 }
 
 /// Reads a file.
 ///
 /// # Errors
 ///
-/// [`LabError::File`].
-pub fn read_bytes(path: &Path) -> Result<Vec<u8>, LabError> {
-    fs::read(path).map_err(failed(path, "read"))
+/// [`RecordError::File`].
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, RecordError> {
+    fs::read(path).map_err(RecordError::file(path, "read"))
 }
 
 /// Reads a JSON file.
 ///
 /// # Errors
 ///
-/// [`LabError::File`], or [`LabError::Content`] with the line at fault.
-pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, LabError> {
-    let text = read_text(path)?;
-    serde_json::from_str(&text).map_err(|error| LabError::Content {
-        path: path.into(),
-        line: Some(error.line()),
-        problem: format!("is damaged or of another kind: {error}"),
+/// [`RecordError::File`], or [`RecordError::Content`] with the line at fault.
+pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, RecordError> {
+    parse_json(path, &read_text(path)?)
+}
+
+/// Reads JSON that came from a file; one of another version than [`crate::FORMAT`] is refused by that.
+pub(crate) fn parse_json<T: serde::de::DeserializeOwned>(
+    path: &Path,
+    text: &str,
+) -> Result<T, RecordError> {
+    #[derive(serde::Deserialize)]
+    struct Version {
+        format: u32,
+    }
+    if let Ok(Version { format }) = serde_json::from_str(text)
+        && format != FORMAT
+    {
+        let problem = format!("has format {format}; this version reads format {FORMAT}");
+        return Err(RecordError::content(path, None, problem));
+    }
+    serde_json::from_str(text).map_err(|error| {
+        let problem = format!("is damaged or of another kind: {error}");
+        RecordError::content(path, Some(error.line()), problem)
     })
 }
 
@@ -99,9 +119,30 @@ pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, LabEr
 ///
 /// # Errors
 ///
-/// [`LabError::File`].
-pub fn create_dir(path: &Path) -> Result<(), LabError> {
-    fs::create_dir_all(path).map_err(failed(path, "create directory"))
+/// [`RecordError::File`].
+pub fn create_dir(path: &Path) -> Result<(), RecordError> {
+    fs::create_dir_all(path).map_err(RecordError::file(path, "create directory"))
+}
+
+/// Takes the right to write into a run, for as long as the lock lives.
+///
+/// # Errors
+///
+/// [`RecordError::Locked`].
+pub fn lock(run: &Path) -> Result<Lock, RecordError> {
+    Lock::take(run).map_err(|source| RecordError::Locked {
+        path: run.into(),
+        source,
+    })
+}
+
+/// Removes what killed processes left aside in a directory.
+///
+/// # Errors
+///
+/// [`RecordError::File`].
+pub fn sweep(path: &Path) -> Result<(), RecordError> {
+    stridemap_files::sweep(path).map_err(RecordError::file(path, "read"))
 }
 
 /// How much of a log is kept when it is opened.
@@ -133,9 +174,9 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`], or [`LabError::Content`] if rows are to be kept and an old log holds fewer or begins
+    /// [`RecordError::File`], or [`RecordError::Content`] if rows are to be kept and an old log holds fewer or begins
     /// with another header.
-    pub fn open(path: &Path, header: &str, keep: Keep) -> Result<Self, LabError> {
+    pub fn open(path: &Path, header: &str, keep: Keep) -> Result<Self, RecordError> {
         let old = match fs::read(path) {
             Ok(bytes) => bytes,
             Err(error)
@@ -144,7 +185,7 @@ impl Log {
             {
                 Vec::new()
             }
-            Err(error) => return Err(failed(path, "read")(error)),
+            Err(error) => return Err(RecordError::file(path, "read")(error)),
         };
         let mut log = Self {
             path: path.into(),
@@ -160,13 +201,7 @@ impl Log {
             .enumerate()
             .filter(|(_, b)| **b == b'\n')
             .map(|(i, _)| i + 1);
-        let content = |line, problem| {
-            Err(LabError::Content {
-                path: path.into(),
-                line,
-                problem,
-            })
-        };
+        let content = |line, problem| Err(RecordError::content(path, line, problem));
         match keep {
             Keep::Lines => log.kept_bytes = whole_lines(&old),
             Keep::Rows(keep) => {
@@ -201,8 +236,8 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
-    pub fn begin(&mut self) -> Result<&mut File, LabError> {
+    /// [`RecordError::File`].
+    pub fn begin(&mut self) -> Result<&mut File, RecordError> {
         let file = match self.file.take() {
             Some(file) => file,
             None => self.opened()?,
@@ -210,7 +245,7 @@ impl Log {
         Ok(self.file.insert(file))
     }
 
-    fn opened(&self) -> Result<File, LabError> {
+    fn opened(&self) -> Result<File, RecordError> {
         let kept_bytes = match self.keep {
             Keep::Rows(_) => self.kept_bytes,
             // Lines may have come since it was looked at: what a person was asked before the first stride.
@@ -226,17 +261,17 @@ impl Log {
             }
             Ok(file)
         });
-        opened.map_err(failed(&self.path, "open"))
+        opened.map_err(RecordError::file(&self.path, "open"))
     }
 
     /// Appends one row and hands it to the system.
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
-    pub fn append(&mut self, row: &str) -> Result<(), LabError> {
+    /// [`RecordError::File`].
+    pub fn append(&mut self, row: &str) -> Result<(), RecordError> {
         let written = self.begin()?.write_all(format!("{row}\n").as_bytes());
-        written.map_err(failed(&self.path, "append to"))?;
+        written.map_err(RecordError::file(&self.path, "append to"))?;
         self.rows += 1;
         Ok(())
     }
@@ -245,12 +280,12 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// [`LabError::File`].
-    pub fn sync(&self) -> Result<(), LabError> {
+    /// [`RecordError::File`].
+    pub fn sync(&self) -> Result<(), RecordError> {
         self.file
             .as_ref()
             .map_or(Ok(()), File::sync_data)
-            .map_err(failed(&self.path, "write"))
+            .map_err(RecordError::file(&self.path, "write"))
     }
 
     /// Rows so far, the header not counted; of a log of which every line was kept, those appended.

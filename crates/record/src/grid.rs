@@ -3,9 +3,11 @@
 use std::fmt::Write;
 
 use stridemap_learn::{Policy, SavedPolicy};
-use stridemap_returnmap::{LearnedMap, StrideProcess};
+use stridemap_returnmap::{LearnedMap, ProcessError, StrideProcess};
 
-use crate::error::LabError;
+use crate::columns::Columns;
+use crate::error::RecordError;
+use crate::table::Table;
 
 /// Points along an axis of a one-dimensional grid.
 const LINE: usize = 121;
@@ -88,7 +90,7 @@ struct Cut {
 impl Cut {
     /// The state to which the map settles under the policy's mean (from the median of the data, kept within
     /// the data), and the action there.
-    fn through(map: &LearnedMap, policy: &SavedPolicy) -> Result<Self, LabError> {
+    fn through(map: &LearnedMap, policy: &SavedPolicy) -> Result<Self, ProcessError> {
         /// Long enough for multipliers up to about 0.9.
         const STRIDES: usize = 40;
         let (spec, samples) = (map.spec(), map.samples());
@@ -131,8 +133,8 @@ impl Cut {
 ///
 /// # Errors
 ///
-/// [`LabError::Process`] if the map cannot be evaluated.
-pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, LabError> {
+/// [`ProcessError`] if the map cannot be evaluated.
+pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, ProcessError> {
     let spec = map.spec();
     let cut = Cut::through(map, policy)?;
     let mut text = String::from("state_axis,action_axis");
@@ -179,8 +181,8 @@ pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, LabEr
 ///
 /// # Errors
 ///
-/// [`LabError::Process`] if the map cannot be evaluated.
-pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, LabError> {
+/// [`ProcessError`] if the map cannot be evaluated.
+pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, ProcessError> {
     let spec = map.spec();
     let cut = Cut::through(map, policy)?;
     let outputs: Vec<_> = map.outputs().iter().chain(map.reward_output()).collect();
@@ -221,4 +223,123 @@ pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, LabE
         }
     }
     Ok(text)
+}
+
+/// A policy on lines through the state space, as `figures/data/policy-<iteration>.csv` holds it.
+///
+/// All columns are equally long; a line varies one component of the state.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PolicyGrid {
+    /// Which component of the state varies along the line of each row.
+    pub along: Vec<usize>,
+    /// One column per component of the state.
+    pub state: Vec<Vec<f64>>,
+    /// Mean of each component of the action.
+    pub mean: Vec<Vec<f64>>,
+    /// Standard deviation of each component of the action: how much the policy explores.
+    pub std: Vec<Vec<f64>>,
+    /// Value function, if it is known.
+    pub value: Option<Vec<f64>>,
+    /// Centres of the basis functions.
+    pub centres: Vec<Vec<f64>>,
+}
+
+/// One column of a table per component.
+fn per(table: &Table, prefix: &str, names: &[String]) -> Result<Vec<Vec<f64>>, RecordError> {
+    let column = |name: &String| table.numbers(&format!("{prefix}{name}"));
+    names.iter().map(column).collect()
+}
+
+impl PolicyGrid {
+    pub(crate) fn read(table: &Table, columns: &Columns) -> Result<Self, RecordError> {
+        let value = table.has("value").then(|| table.numbers("value"));
+        Ok(Self {
+            along: table.counts("along")?,
+            state: per(table, "", &columns.state)?,
+            mean: per(table, "mean_", &columns.action)?,
+            std: per(table, "std_", &columns.action)?,
+            value: value.transpose()?,
+            centres: Vec::new(),
+        })
+    }
+}
+
+/// A learned map on planes of one component of the state and one of the action, as
+/// `figures/data/map-<iteration>.csv` holds it. All columns are equally long.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapGrid {
+    /// Component of the state that varies in the plane of each row.
+    pub state_axis: Vec<usize>,
+    /// Component of the action that varies.
+    pub action_axis: Vec<usize>,
+    /// One column per component of the state.
+    pub state: Vec<Vec<f64>>,
+    /// One column per component of the action.
+    pub action: Vec<Vec<f64>>,
+    /// Mean of each component of the next state.
+    pub mean: Vec<Vec<f64>>,
+    /// Standard deviation of the latent function.
+    pub latent_std: Vec<Vec<f64>>,
+    /// Standard deviation of the noise.
+    pub noise_std: Vec<Vec<f64>>,
+}
+
+impl MapGrid {
+    pub(crate) fn read(table: &Table, columns: &Columns) -> Result<Self, RecordError> {
+        Ok(Self {
+            state_axis: table.counts("state_axis")?,
+            action_axis: table.counts("action_axis")?,
+            state: per(table, "", &columns.state)?,
+            action: per(table, "", &columns.action)?,
+            mean: per(table, "mean_", &columns.state)?,
+            latent_std: per(table, "latent_std_", &columns.state)?,
+            noise_std: per(table, "noise_std_", &columns.state)?,
+        })
+    }
+}
+
+/// One output of a map along lines.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LineOutput {
+    /// Component of the next state, or `reward`.
+    pub name: String,
+    /// Predicted mean.
+    pub mean: Vec<f64>,
+    /// Standard deviation of the latent function.
+    pub latent_std: Vec<f64>,
+    /// Standard deviation of the noise.
+    pub noise_std: Vec<f64>,
+}
+
+/// A map along each of its inputs in turn, as `figures/data/lines-<iteration>.csv` holds it. All columns
+/// are equally long.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LineGrid {
+    /// Which input varies along the line of each row: states first, then actions.
+    pub along: Vec<usize>,
+    /// One column per input.
+    pub inputs: Vec<Vec<f64>>,
+    /// The outputs.
+    pub outputs: Vec<LineOutput>,
+}
+
+impl LineGrid {
+    pub(crate) fn read(table: &Table, columns: &Columns) -> Result<Self, RecordError> {
+        let mut inputs = per(table, "", &columns.state)?;
+        inputs.extend(per(table, "", &columns.action)?);
+        let outputs = table.header.iter().filter_map(|h| h.strip_prefix("mean_"));
+        let outputs = outputs.map(|name| {
+            Ok(LineOutput {
+                name: name.to_owned(),
+                mean: table.numbers(&format!("mean_{name}"))?,
+                latent_std: table.numbers(&format!("latent_std_{name}"))?,
+                noise_std: table.numbers(&format!("noise_std_{name}"))?,
+            })
+        });
+        Ok(Self {
+            along: table.counts("along")?,
+            inputs,
+            outputs: outputs.collect::<Result<_, RecordError>>()?,
+        })
+    }
 }
