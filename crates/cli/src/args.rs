@@ -154,7 +154,7 @@ pub enum PartKind {
     Gaits,
     /// Learners: learner.kind.
     Learners,
-    /// Quantities of reward terms: [[reward]] quantity.
+    /// Quantities of reward terms: reward.quantity.
     Rewards,
     /// Components of the state at the section: state.
     States,

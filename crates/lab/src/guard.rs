@@ -58,7 +58,8 @@ impl GuardConfig {
     /// # Example
     ///
     /// ```
-    /// use stridemap_lab::{GuardConfig, InPlace};
+    /// use stridemap_lab::GuardConfig;
+    /// use stridemap_record::InPlace;
     ///
     /// let config = GuardConfig {
     ///     silent_strides: 3,

@@ -46,7 +46,8 @@ impl Task {
     /// # Example
     ///
     /// ```
-    /// use stridemap_lab::{Performance, builtin};
+    /// use stridemap_lab::builtin;
+    /// use stridemap_record::Performance;
     ///
     /// let task = builtin::load("stepping", &[])?.task;
     /// let measured = Performance { mean_psi_roll_deg: Some(2.5), ..Performance::of(&[], 0) };
