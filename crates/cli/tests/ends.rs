@@ -106,7 +106,7 @@ fn ctrl_c_is_heard_in_the_middle_of_a_computation_and_the_run_stays() {
     let dir = tempfile::tempdir().unwrap();
     // Fit and learner would take hours.
     let words = "learn stepping --out run --set map.starts=1000 --set learner.actor_critic.trials=100000 \
-                 --set record.strides=3 --set record.discard=0";
+                 --set learner.actor_critic.strides_per_trial=100000 --set record.strides=3 --set record.discard=0";
     let words: Vec<&str> = words.split(' ').collect();
     let mut learn = start(dir.path(), STRIDEMAP, &words);
     let log = dir.path().join("run/events.ndjson");
