@@ -107,8 +107,10 @@ fn ctrl_c_is_heard_in_the_middle_of_a_computation_and_the_run_stays() {
     // Fit and learner would take hours.
     let words = "learn stepping --out run --set map.starts=1000 --set learner.actor_critic.trials=100000 \
                  --set learner.actor_critic.strides_per_trial=100000 --set record.strides=3 --set record.discard=0";
-    let words: Vec<&str> = words.split(' ').collect();
-    let mut learn = start(dir.path(), STRIDEMAP, &words);
+    // What is ignored at the start stays ignored, and a job in the background of a script ignores SIGINT.
+    let env = ["--default-signal=INT", STRIDEMAP];
+    let words: Vec<&str> = env.into_iter().chain(words.split(' ')).collect();
+    let mut learn = start(dir.path(), "env", &words);
     let log = dir.path().join("run/events.ndjson");
     wait("the fit", || {
         let text = std::fs::read_to_string(&log).unwrap_or_default();
