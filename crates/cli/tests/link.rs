@@ -43,7 +43,9 @@ impl Drop for Process {
 }
 
 fn start(dir: &Path, arguments: &[&str]) -> Process {
-    let child = Command::new(env!("CARGO_BIN_EXE_stridemap"))
+    // A signal that is ignored at the start stays ignored; a job in the background of a script ignores SIGINT.
+    let child = Command::new("env")
+        .args(["--default-signal=INT", env!("CARGO_BIN_EXE_stridemap")])
         .current_dir(dir)
         .args(arguments)
         .stdin(Stdio::piped())
