@@ -94,6 +94,21 @@ impl<P: Part + ?Sized> Registry<P> {
     }
 }
 
+/// What a registry tells of a part that is a type of its own.
+macro_rules! part {
+    ($part:ty, $name:literal, $about:literal) => {
+        impl $crate::registry::Part for $part {
+            fn name(&self) -> &'static str {
+                $name
+            }
+            fn about(&self) -> &'static str {
+                $about
+            }
+        }
+    };
+}
+pub(crate) use part;
+
 /// A reference to a part that is equal by name, and read and written as its name.
 macro_rules! named {
     ($(#[$doc:meta])* $named:ident, $part:ty, $registry:path) => {

@@ -5,20 +5,17 @@ use stridemap_learn::{ActorCritic, SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
 use crate::error::{LabError, unless};
-use crate::registry::Part;
+use crate::registry::part;
 use crate::task::{Task, one_per};
 use stridemap_record::Proof;
 
 pub(super) struct InMap;
 
-impl Part for InMap {
-    fn name(&self) -> &'static str {
-        "actor_critic"
-    }
-    fn about(&self) -> &'static str {
-        "the paper's actor-critic, in the map (MA09, sec. 5)"
-    }
-}
+part!(
+    InMap,
+    "actor_critic",
+    "the paper's actor-critic, in the map (MA09, sec. 5)"
+);
 
 impl LearnerPart for InMap {
     fn needs_caution(&self) -> bool {

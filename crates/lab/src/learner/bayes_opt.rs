@@ -6,22 +6,18 @@ use stridemap_gp::{FitOptions, Gp, Mean, Points};
 use stridemap_learn::{SavedPolicy, TrialSummary};
 
 use super::{ControlsConfig, Known, LearnerPart, value};
-use crate::caution::CautionConfig;
 use crate::error::LabError;
-use crate::registry::Part;
+use crate::registry::part;
 use crate::task::Task;
 use stridemap_record::{Proof, Region};
 
 pub(super) struct OnRobot;
 
-impl Part for OnRobot {
-    fn name(&self) -> &'static str {
-        "bayes_opt"
-    }
-    fn about(&self) -> &'static str {
-        "without a map: Bayesian optimisation of the speed on the robot"
-    }
-}
+part!(
+    OnRobot,
+    "bayes_opt",
+    "without a map: Bayesian optimisation of the speed on the robot"
+);
 
 impl LearnerPart for OnRobot {
     fn uses_map(&self) -> bool {
@@ -34,14 +30,6 @@ impl LearnerPart for OnRobot {
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
         ControlsConfig::check(task)
-    }
-
-    fn fewest_strides(&self, _task: &Task) -> (usize, String) {
-        (0, String::new())
-    }
-
-    fn region(&self, known: &Known<'_>, caution: &CautionConfig) -> Region {
-        caution.trust.searched(&known.limits, &known.tried())
     }
 
     fn propose(

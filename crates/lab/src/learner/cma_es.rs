@@ -4,23 +4,15 @@ use rand_chacha::ChaCha8Rng;
 use stridemap_learn::{CmaEs, SavedPolicy, TrialSummary};
 
 use super::{ControlsConfig, Known, LearnerPart, value};
-use crate::caution::CautionConfig;
 use crate::error::LabError;
-use crate::registry::Part;
+use crate::registry::part;
 use crate::seed::{Role, stream};
 use crate::task::Task;
 use stridemap_record::{Proof, Region};
 
 pub(super) struct OnRobot;
 
-impl Part for OnRobot {
-    fn name(&self) -> &'static str {
-        "cma_es"
-    }
-    fn about(&self) -> &'static str {
-        "without a map: CMA-ES on the robot"
-    }
-}
+part!(OnRobot, "cma_es", "without a map: CMA-ES on the robot");
 
 impl LearnerPart for OnRobot {
     fn uses_map(&self) -> bool {
@@ -33,14 +25,6 @@ impl LearnerPart for OnRobot {
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
         ControlsConfig::check(task)
-    }
-
-    fn fewest_strides(&self, _task: &Task) -> (usize, String) {
-        (0, String::new())
-    }
-
-    fn region(&self, known: &Known<'_>, caution: &CautionConfig) -> Region {
-        caution.trust.searched(&known.limits, &known.tried())
     }
 
     fn propose(

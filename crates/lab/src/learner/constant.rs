@@ -5,19 +5,16 @@ use stridemap_learn::{SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
 use crate::error::LabError;
-use crate::registry::Part;
+use crate::registry::part;
 use crate::task::Task;
 
 pub(super) struct Grown;
 
-impl Part for Grown {
-    fn name(&self) -> &'static str {
-        "constant"
-    }
-    fn about(&self) -> &'static str {
-        "without a map: every component at the bound of the trust region"
-    }
-}
+part!(
+    Grown,
+    "constant",
+    "without a map: every component at the bound of the trust region"
+);
 
 impl LearnerPart for Grown {
     fn uses_map(&self) -> bool {

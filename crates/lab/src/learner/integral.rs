@@ -7,7 +7,7 @@ use stridemap_returnmap::{ActionLimits, StrideEnd};
 
 use super::{Known, LearnerPart, invalid};
 use crate::error::LabError;
-use crate::registry::Part;
+use crate::registry::part;
 use crate::state::StateComponent;
 use crate::strides::ActionSource;
 use crate::task::Task;
@@ -73,14 +73,11 @@ fn psi_roll(task: &Task) -> Option<usize> {
 
 pub(super) struct Held;
 
-impl Part for Held {
-    fn name(&self) -> &'static str {
-        "integral"
-    }
-    fn about(&self) -> &'static str {
-        "without a map: integral action on psi_roll, then its mean held"
-    }
-}
+part!(
+    Held,
+    "integral",
+    "without a map: integral action on psi_roll, then its mean held"
+);
 
 impl LearnerPart for Held {
     fn uses_map(&self) -> bool {

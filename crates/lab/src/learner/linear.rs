@@ -6,20 +6,17 @@ use stridemap_learn::{SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
 use crate::error::LabError;
-use crate::registry::Part;
+use crate::registry::part;
 use crate::task::Task;
 use stridemap_record::{Region, Transition};
 
 pub(super) struct Corner;
 
-impl Part for Corner {
-    fn name(&self) -> &'static str {
-        "linear"
-    }
-    fn about(&self) -> &'static str {
-        "without a map: regression of the stride's reward on the action"
-    }
-}
+part!(
+    Corner,
+    "linear",
+    "without a map: regression of the stride's reward on the action"
+);
 
 impl LearnerPart for Corner {
     fn uses_map(&self) -> bool {

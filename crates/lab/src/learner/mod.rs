@@ -62,7 +62,7 @@ pub trait LearnerPart: Part {
         Ok(())
     }
 
-    /// Fewest strides of the first batch, and what for.
+    /// Fewest strides of the first batch, and what for; asked of learners that explore.
     fn fewest_strides(&self, task: &Task) -> (usize, String) {
         let map = task.map_config();
         let inputs = map.dims(task.state.len(), task.action.len());
@@ -86,10 +86,15 @@ pub trait LearnerPart: Part {
         None
     }
 
-    /// Where its next policy may lie.
+    /// Where its next policy may lie: about the best proven one; for a search on the robot, which has no centre of its
+    /// own, the actions that the first batch would explore.
     fn region(&self, known: &Known<'_>, caution: &CautionConfig) -> Region {
-        let (limits, proofs) = (&known.limits, known.progress.proofs());
-        caution.trust.region(limits, &known.tried(), &proofs)
+        let (trust, limits, tried) = (&caution.trust, &known.limits, known.tried());
+        if self.explores() {
+            trust.region(limits, &tried, &known.progress.proofs())
+        } else {
+            trust.searched(limits, &tried)
+        }
     }
 
     /// Proposes the next policy.

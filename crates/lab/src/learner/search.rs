@@ -7,7 +7,7 @@ use stridemap_learn::{SavedPolicy, SearchConfig, SearchLearner, TrialSummary};
 use super::{Known, LearnerPart, invalid};
 use crate::error::LabError;
 use crate::feedback::{FedBack, JacobianFeedbackConfig, with_feedback};
-use crate::registry::Part;
+use crate::registry::part;
 use crate::state::StateComponent;
 use crate::task::Task;
 use stridemap_record::Proof;
@@ -31,14 +31,11 @@ pub struct SearchSettings {
 
 pub(super) struct InMap;
 
-impl Part for InMap {
-    fn name(&self) -> &'static str {
-        "search"
-    }
-    fn about(&self) -> &'static str {
-        "a search in the map over constants (CMA-ES), with feedback from the map's Jacobian"
-    }
-}
+part!(
+    InMap,
+    "search",
+    "a search in the map over constants (CMA-ES), with feedback from the map's Jacobian"
+);
 
 impl LearnerPart for InMap {
     fn check(&self, task: &Task) -> Result<(), LabError> {
