@@ -54,7 +54,7 @@ pub(crate) fn read(file: &Path) -> Result<Text, ConfigError> {
     let text = String::from_utf8(bytes).map_err(|error| {
         let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
-        cannot(&format!("{name}:{line}"), "is no text (UTF-8)".into())
+        cannot(&format!("{name}:{line}"), "is not text (UTF-8)".into())
     })?;
     let base_dir = Some(file.parent().unwrap_or(Path::new("")).to_owned());
     Ok(Text {

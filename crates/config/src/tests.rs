@@ -254,7 +254,7 @@ fn a_file_is_laid_over_those_it_extends_and_faults_name_theirs() {
     let latin = dir.path().join("latin.toml");
     assert_eq!(
         load(latin.to_str().unwrap()),
-        "cannot read DIR/latin.toml:2: is no text (UTF-8)"
+        "cannot read DIR/latin.toml:2: is not text (UTF-8)"
     );
     assert!(load("none.toml").starts_with("cannot read none.toml: "));
 }

@@ -128,10 +128,12 @@ impl Task {
         (gaits().find(&self.gait.kind))
             .ok_or_else(|| {
                 let names: Vec<&str> = gaits().all().iter().map(|g| g.name).collect();
+                let near = stridemap_config::nearest(&self.gait.kind, &names);
+                let hint = near.map_or_else(String::new, |n| format!(" did you mean \"{n}\"?"));
                 LabError::Invalid(Invalid {
                     key: "gait.kind".into(),
                     requirement: format!(
-                        "there is no gait {:?} (allowed: {})",
+                        "there is no gait {:?};{hint} (allowed: {})",
                         self.gait.kind,
                         names.join(", ")
                     ),
