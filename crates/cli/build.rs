@@ -16,8 +16,7 @@ fn main() {
         }
     }
     if let Some(revision) = git(&["rev-parse", "--short=12", "HEAD"]) {
-        let dirty = git(&["status", "--porcelain", "--untracked-files=no"])
-            .is_some_and(|changes| !changes.is_empty());
+        let dirty = git(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|changes| !changes.is_empty());
         let mark = if dirty { "-dirty" } else { "" };
         println!("cargo::rustc-env=STRIDEMAP_GIT_REVISION={revision}{mark}");
     }

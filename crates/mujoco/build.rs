@@ -50,10 +50,7 @@ fn main() {
     }
     match provide() {
         Ok(directory) => {
-            println!(
-                "cargo::rerun-if-changed={}",
-                directory.join(LIBRARY).display()
-            );
+            println!("cargo::rerun-if-changed={}", directory.join(LIBRARY).display());
             println!("cargo::metadata=libdir={}", directory.display());
             // Programs find the library by the rpath of .cargo/config.toml. What cargo itself runs (doc tests
             // lie in a temporary directory) also searches link directories below the target directory.
@@ -85,18 +82,13 @@ fn link_into_out_dir(library: &Path) -> Result<(), String> {
 
 /// Makes sure that the right library is in place; returns its directory.
 fn provide() -> Result<PathBuf, String> {
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../third_party/mujoco")
-        .canonicalize()
-        .map_err(|e| {
+    let directory =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../third_party/mujoco").canonicalize().map_err(|e| {
             format!("third_party/mujoco is missing beside the sources ({e}): build from a checkout of the repository")
         })?;
     let variable = |name| std::env::var(name).unwrap_or_default();
-    let (os, env, arch) = (
-        variable("CARGO_CFG_TARGET_OS"),
-        variable("CARGO_CFG_TARGET_ENV"),
-        variable("CARGO_CFG_TARGET_ARCH"),
-    );
+    let (os, env, arch) =
+        (variable("CARGO_CFG_TARGET_OS"), variable("CARGO_CFG_TARGET_ENV"), variable("CARGO_CFG_TARGET_ARCH"));
     let source = SOURCES
         .iter()
         .find(|s| s.arch == arch && os == "linux" && env == "gnu")
@@ -139,11 +131,7 @@ fn fetch(source: &Source, directory: &Path) -> Result<(), String> {
         "python3 -m pip download",
         Command::new("python3")
             .args(["-m", "pip", "download", "--no-deps", "--only-binary=:all:"])
-            .args([
-                "--implementation=cp",
-                "--python-version=3.11",
-                "--abi=cp311",
-            ])
+            .args(["--implementation=cp", "--python-version=3.11", "--abi=cp311"])
             .arg(format!("--platform={}", source.platform))
             .args(["--disable-pip-version-check", "--quiet", "--dest"])
             .arg(&download)
@@ -157,20 +145,12 @@ fn fetch(source: &Source, directory: &Path) -> Result<(), String> {
     let partial = directory.join(format!("{LIBRARY}.{}.tmp", std::process::id()));
     python(
         "python3 (zipfile)",
-        Command::new("python3")
-            .arg("-c")
-            .arg(EXTRACT)
-            .arg(&wheel)
-            .arg(format!("mujoco/{LIBRARY}"))
-            .arg(&partial),
+        Command::new("python3").arg("-c").arg(EXTRACT).arg(&wheel).arg(format!("mujoco/{LIBRARY}")).arg(&partial),
     )?;
     let found = sha256(&partial)?;
     if found != source.sha256 {
         std::fs::remove_file(&partial).ok();
-        return Err(format!(
-            "the wheel holds a library with SHA-256 {found}, expected {}",
-            source.sha256
-        ));
+        return Err(format!("the wheel holds a library with SHA-256 {found}, expected {}", source.sha256));
     }
     std::fs::rename(&partial, directory.join(LIBRARY)).map_err(|e| e.to_string())?;
     std::fs::remove_dir_all(&download).ok();
@@ -179,9 +159,7 @@ fn fetch(source: &Source, directory: &Path) -> Result<(), String> {
 
 /// Runs a Python command; an error carries what it said.
 fn python(what: &str, command: &mut Command) -> Result<(), String> {
-    let output = command
-        .output()
-        .map_err(|e| format!("{what} could not be started ({e})"))?;
+    let output = command.output().map_err(|e| format!("{what} could not be started ({e})"))?;
     if output.status.success() {
         return Ok(());
     }
@@ -194,8 +172,5 @@ fn python(what: &str, command: &mut Command) -> Result<(), String> {
 /// SHA-256 of a file, in hex.
 fn sha256(path: &Path) -> Result<String, String> {
     let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    Ok(Sha256::digest(&bytes)
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }

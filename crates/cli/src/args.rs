@@ -47,11 +47,7 @@ pub struct Cli {
 fn within(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     move |text| {
         let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-        if (least..=most).contains(&number) {
-            Ok(number)
-        } else {
-            Err(format!("must be {least} to {most}"))
-        }
+        if (least..=most).contains(&number) { Ok(number) } else { Err(format!("must be {least} to {most}")) }
     }
 }
 
@@ -134,17 +130,12 @@ pub struct NewRun {
 
 /// A learner by its name in task files, with - for _.
 fn learner() -> impl TypedValueParser<Value = LearnerKind> {
-    let names = learners().all().into_iter().map(|part| {
-        PossibleValue::new(part.name().replace('_', "-"))
-            .alias(part.name())
-            .help(part.about())
-    });
-    PossibleValuesParser::new(names).try_map(|name| {
-        learners()
-            .find(&name.replace('-', "_"))
-            .map(LearnerKind)
-            .ok_or("no learner")
-    })
+    let names = learners()
+        .all()
+        .into_iter()
+        .map(|part| PossibleValue::new(part.name().replace('_', "-")).alias(part.name()).help(part.about()));
+    PossibleValuesParser::new(names)
+        .try_map(|name| learners().find(&name.replace('-', "_")).map(LearnerKind).ok_or("no learner"))
 }
 
 /// What may be listed.
@@ -229,11 +220,9 @@ pub enum ServedRobot {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Algorithm 1: collect strides, fit the map, improve the policy in it, give it back; repeat.
-    #[command(
-        after_help = "Examples:\n  stridemap learn stepping\n  stridemap learn stepping --seeds \
+    #[command(after_help = "Examples:\n  stridemap learn stepping\n  stridemap learn stepping --seeds \
         20 --out runs/twenty\n  stridemap learn my-robot.toml --set robot.friction=0.6\n  stridemap \
-        learn --resume runs/stepping-1"
-    )]
+        learn --resume runs/stepping-1")]
     Learn {
         /// A built-in task (stepping, walking, ...) or the path of a task file.
         #[arg(required_unless_present = "resume")]
@@ -296,10 +285,8 @@ pub enum Command {
         json: bool,
     },
     /// Measures a run's policy on the robot, deterministically, from a fresh start; changes nothing.
-    #[command(
-        after_help = "Example, a robot that the policy has not seen:\n  stridemap evaluate \
-        runs/stepping-1 --strides 200 --set robot.mass_scale=1.05 --set robot.friction=0.6"
-    )]
+    #[command(after_help = "Example, a robot that the policy has not seen:\n  stridemap evaluate \
+        runs/stepping-1 --strides 200 --set robot.mass_scale=1.05 --set robot.friction=0.6")]
     Evaluate {
         /// A run directory.
         run: PathBuf,
@@ -382,10 +369,8 @@ pub enum Command {
         common: Common,
     },
     /// Draws figures of the paper from our own runs (SVG, PNG and CSV).
-    #[command(
-        after_help = "Runs behind Figs. 11 to 18 are kept in the folder runs of that directory, and taken \
-        from there the next time.\nExample:\n  stridemap reproduce fig11 fig12 --seeds 1"
-    )]
+    #[command(after_help = "Runs behind Figs. 11 to 18 are kept in the folder runs of that directory, and taken \
+        from there the next time.\nExample:\n  stridemap reproduce fig11 fig12 --seeds 1")]
     Reproduce {
         /// Which ones.
         #[arg(required = true, value_name = "FIGURE")]
@@ -443,10 +428,8 @@ pub enum Command {
         file: Option<PathBuf>,
     },
     /// Simulates a robot as a process of its own that speaks ROS 2, with guards of its own.
-    #[command(
-        after_help = "Example, in two terminals:\n  stridemap robot op3 --seed 1\n  stridemap learn \
-        small-stepping --robot ros2"
-    )]
+    #[command(after_help = "Example, in two terminals:\n  stridemap robot op3 --seed 1\n  stridemap learn \
+        small-stepping --robot ros2")]
     Robot {
         /// Which one.
         robot: ServedRobot,

@@ -42,11 +42,7 @@ impl Failure {
 
 impl From<LabError> for Failure {
     fn from(error: LabError) -> Self {
-        if error.is_request() {
-            Self::Request(error.into())
-        } else {
-            Self::Working(error.into())
-        }
+        if error.is_request() { Self::Request(error.into()) } else { Self::Working(error.into()) }
     }
 }
 

@@ -50,23 +50,11 @@ fn main() -> ExitCode {
 /// Judges where a command is to write, before it does anything.
 fn check_out(command: &Command) -> Result<(), Failure> {
     match command {
-        Command::Collect {
-            from: Some(_),
-            out: Some(file),
-            ..
-        }
-        | Command::Fit {
-            out: Some(file), ..
-        }
-        | Command::Run {
-            out: Some(file), ..
-        }
-        | Command::Report {
-            out: Some(file), ..
-        }
-        | Command::View {
-            out: Some(file), ..
-        }
+        Command::Collect { from: Some(_), out: Some(file), .. }
+        | Command::Fit { out: Some(file), .. }
+        | Command::Run { out: Some(file), .. }
+        | Command::Report { out: Some(file), .. }
+        | Command::View { out: Some(file), .. }
         | Command::Init { file: Some(file) } => files::check_file(file)?,
         Command::Learn { out: Some(dir), .. }
         | Command::Collect { out: Some(dir), .. }
@@ -81,15 +69,7 @@ fn check_out(command: &Command) -> Result<(), Failure> {
 fn run(command: Command) -> Result<(), Failure> {
     check_out(&command)?;
     match command {
-        Command::Learn {
-            task,
-            out,
-            resume,
-            learner,
-            until_error,
-            seeds,
-            mut common,
-        } => match (resume, task) {
+        Command::Learn { task, out, resume, learner, until_error, seeds, mut common } => match (resume, task) {
             (Some(run), _) => commands::learn::resume(&run, &common),
             (None, Some(task)) => {
                 // A value of the task, so that the run keeps it.
@@ -100,94 +80,40 @@ fn run(command: Command) -> Result<(), Failure> {
             }
             (None, None) => Err(Failure::request("learn needs a task or --resume RUN")),
         },
-        Command::Collect {
-            task,
-            from,
-            out,
-            common,
-        } => match from {
+        Command::Collect { task, from, out, common } => match from {
             Some(log) => commands::from_log::collect_from(&task, &log, out.as_deref(), &common),
             None => commands::verbs::collect(&task, out.as_deref(), &common),
         },
-        Command::Fit {
-            source,
-            task,
-            out,
-            common,
-        } => commands::verbs::fit(&source, &task, out.as_deref(), &common),
+        Command::Fit { source, task, out, common } => commands::verbs::fit(&source, &task, out.as_deref(), &common),
         Command::Improve { run, json } => commands::verbs::improve(&run, json),
-        Command::Evaluate {
-            run,
-            strides,
-            nominal,
-            common,
-        } => commands::apply::evaluate(&run, strides, nominal, &common),
-        Command::Run {
-            run,
-            nominal,
-            seconds,
-            out,
-            common,
-        } => commands::apply::run(
-            run.as_deref(),
-            nominal.as_deref(),
-            seconds,
-            out.as_deref(),
-            &common,
-        ),
-        Command::Push {
-            run,
-            force,
-            duration,
-            strides,
-            nominal,
-            out,
-            common,
-        } => {
+        Command::Evaluate { run, strides, nominal, common } => {
+            commands::apply::evaluate(&run, strides, nominal, &common)
+        }
+        Command::Run { run, nominal, seconds, out, common } => {
+            commands::apply::run(run.as_deref(), nominal.as_deref(), seconds, out.as_deref(), &common)
+        }
+        Command::Push { run, force, duration, strides, nominal, out, common } => {
             let of = |mass_kg| stridemap_lab::PushConfig::of(force, mass_kg, duration, strides);
             commands::apply::push(&run, &of, nominal, out.as_deref(), &common)
         }
         Command::Analyse { run, common } => commands::apply::analyse(&run, &common),
-        Command::Compare {
-            task,
-            seeds,
-            controls,
-            out,
-            common,
-        } => commands::compare::compare(&task, seeds, controls, out.as_deref(), &common),
-        Command::Reproduce {
-            figures,
-            out,
-            seeds,
-            common,
-        } => commands::reproduce::reproduce(&figures, out.as_deref(), seeds, &common),
-        Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
-        Command::View { run, out, no_open } => {
-            commands::report::view(&run, out.as_deref(), no_open)
+        Command::Compare { task, seeds, controls, out, common } => {
+            commands::compare::compare(&task, seeds, controls, out.as_deref(), &common)
         }
+        Command::Reproduce { figures, out, seeds, common } => {
+            commands::reproduce::reproduce(&figures, out.as_deref(), seeds, &common)
+        }
+        Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
+        Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
         Command::Check { task, common } => commands::task::check(&task, &common),
         Command::List { kind, json } => commands::list::list(kind, json),
         Command::Init { file } => commands::task::init(file.as_deref()),
-        Command::Robot {
-            robot: args::ServedRobot::Op3,
-            ideal,
-            rate,
-            seed,
-            realtime_factor,
-            seconds,
-            network,
-        } => commands::robot::robot(ideal, rate, seed, realtime_factor, seconds, &network),
-        Command::Stop {
-            rearm,
-            reason,
-            network,
-        } => commands::robot::stop(rearm, &reason, &network),
+        Command::Robot { robot: args::ServedRobot::Op3, ideal, rate, seed, realtime_factor, seconds, network } => {
+            commands::robot::robot(ideal, rate, seed, realtime_factor, seconds, &network)
+        }
+        Command::Stop { rearm, reason, network } => commands::robot::stop(rearm, &reason, &network),
         Command::Faults { json, only, domain } => commands::faults::faults(json, only, domain),
-        Command::BenchLink {
-            seconds,
-            json,
-            domain,
-        } => commands::robot::bench_link(seconds, json, domain),
+        Command::BenchLink { seconds, json, domain } => commands::robot::bench_link(seconds, json, domain),
         Command::Bench { json } => commands::bench::bench(json),
     }
 }

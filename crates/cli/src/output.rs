@@ -27,9 +27,7 @@ fn keep(written: std::io::Result<()>) {
 pub fn written() -> Result<(), Failure> {
     keep(std::io::stdout().flush());
     match LOST.lock().ok().and_then(|mut lost| lost.take()) {
-        Some(error) => Err(Failure::working(format!(
-            "the result could not be written to stdout: {error}"
-        ))),
+        Some(error) => Err(Failure::working(format!("the result could not be written to stdout: {error}"))),
         None => Ok(()),
     }
 }
@@ -40,10 +38,7 @@ static CLOSED: AtomicBool = AtomicBool::new(false);
 /// Looks at stdout before Rust's runtime does, which puts /dev/null where it is closed.
 extern "C" fn look() {
     let open = Path::new("/proc/self/fd");
-    CLOSED.store(
-        open.exists() && !open.join("1").is_symlink(),
-        Ordering::Relaxed,
-    );
+    CLOSED.store(open.exists() && !open.join("1").is_symlink(), Ordering::Relaxed);
 }
 
 #[used]
@@ -115,10 +110,7 @@ pub fn error(failure: &Failure) {
     for cause in failure.error().chain() {
         let text = cause.to_string();
         // Transparent errors repeat their source.
-        if causes
-            .last()
-            .is_none_or(|last: &String| !last.contains(&text))
-        {
+        if causes.last().is_none_or(|last: &String| !last.contains(&text)) {
             causes.push(text);
         }
     }

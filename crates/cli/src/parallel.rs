@@ -7,10 +7,7 @@ use crate::failure::Failure;
 /// The seeds `first`, `first + 1`, ..., so many.
 pub fn seeds(first: u64, count: u64) -> Result<Vec<u64>, Failure> {
     let last = first.checked_add(count.saturating_sub(1)).ok_or_else(|| {
-        Failure::request(format!(
-            "--seed {first} --seeds {count}: the last seed would be beyond {}",
-            u64::MAX
-        ))
+        Failure::request(format!("--seed {first} --seeds {count}: the last seed would be beyond {}", u64::MAX))
     })?;
     Ok((first..=last).collect())
 }

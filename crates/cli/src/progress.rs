@@ -54,9 +54,7 @@ fn expected_strides(task: &Task, done: usize, learned: usize) -> usize {
     let more = if each == 0 { most } else { left.div_ceil(each) };
     let more = more.min(most.saturating_sub(iterations));
     iterations += more;
-    strides = strides
-        .saturating_add(more.saturating_mul(each))
-        .min(budget.max(strides));
+    strides = strides.saturating_add(more.saturating_mul(each)).min(budget.max(strides));
     strides + iterations * measured_strides(task, true) + 2 * measured_strides(task, false)
 }
 
@@ -209,10 +207,7 @@ impl RunProgress {
                 m.psi_roll_deg
             )
         } else {
-            format!(
-                "psi_roll {:+.2} deg, reward {:+.4}",
-                m.psi_roll_deg, t.reward
-            )
+            format!("psi_roll {:+.2} deg, reward {:+.4}", m.psi_roll_deg, t.reward)
         }
     }
 
@@ -232,10 +227,7 @@ impl RunProgress {
             n => format!("{n} falls"),
         };
         match p.walk {
-            Some(walk) => format!(
-                "{:.3} m/s, upright {:.0} s, {falls}",
-                walk.speed_m_s, walk.upright_s
-            ),
+            Some(walk) => format!("{:.3} m/s, upright {:.0} s, {falls}", walk.speed_m_s, walk.upright_s),
             None => format!("reward {:+.4}, {}, {falls}", p.mean_reward, p.psi_roll()),
         }
     }
@@ -277,13 +269,7 @@ impl Watcher for RunProgress {
                 output::clear_status();
             }
             let outside = !self.task.counts_falls_in(t.phase);
-            output::note(
-                line + if outside {
-                    " (no part of the fall budget)"
-                } else {
-                    ""
-                },
-            );
+            output::note(line + if outside { " (no part of the fall budget)" } else { "" });
             self.fell = doing;
         }
     }
@@ -295,10 +281,7 @@ impl Watcher for RunProgress {
             format!("mean reward {:+.4}", trial.mean_reward)
         };
         let n = trial.trial;
-        self.show(
-            0,
-            format!("iteration {iteration}, learning in the map: trial {n}, {mean}"),
-        );
+        self.show(0, format!("iteration {iteration}, learning in the map: trial {n}, {mean}"));
     }
 
     fn phase(&mut self, phase: Phase, progress: &Progress) {
@@ -316,10 +299,7 @@ impl Watcher for RunProgress {
                 let (Some(last), Some(p)) = (last, last.and_then(|i| i.record.as_ref())) else {
                     return;
                 };
-                let proof = last
-                    .proof
-                    .as_ref()
-                    .map_or_else(String::new, |p| format!(", {}", verdict(p.verdict)));
+                let proof = last.proof.as_ref().map_or_else(String::new, |p| format!(", {}", verdict(p.verdict)));
                 self.keep(format!(
                     "iteration {n}: {} strides and {} falls so far; policy{proof}: {} ({})",
                     self.learned,
@@ -367,23 +347,14 @@ impl SeedProgress {
             let done = Arc::clone(&done);
             Ticker::start(move || Some(seeds_line(done.load(Ordering::Relaxed), total, started)))
         });
-        Self {
-            live,
-            total,
-            done,
-            started,
-            _ticker: ticker,
-        }
+        Self { live, total, done, started, _ticker: ticker }
     }
 
     /// One more seed is done.
     pub fn done(&self, text: &str) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         if self.live {
-            output::note(format!(
-                "{}; {text}",
-                seeds_line(done, self.total, self.started)
-            ));
+            output::note(format!("{}; {text}", seeds_line(done, self.total, self.started)));
         }
     }
 }
@@ -395,11 +366,7 @@ fn seeds_line(done: usize, total: usize, started: Instant) -> String {
     }
     let each_s = started.elapsed().as_secs_f64() / done as f64;
     let left = each_s * (total - done.min(total)) as f64;
-    format!(
-        "[{done}/{total}] {} left, {:.1} seeds/min",
-        duration(left),
-        60.0 / each_s.max(1e-9)
-    )
+    format!("[{done}/{total}] {} left, {:.1} seeds/min", duration(left), 60.0 / each_s.max(1e-9))
 }
 
 #[cfg(test)]
@@ -419,10 +386,7 @@ mod tests {
         // 10,000 iterations of 16 and 12 strides but for the first, which has 20: without counting them.
         let mut task = stridemap_lab::builtin::load("stepping", &[]).unwrap().task;
         task.algorithm.iterations = 10_000;
-        assert_eq!(
-            expected_strides(&task, 0, 0),
-            4 + 10_000 * (28 + 40) + 2 * 110
-        );
+        assert_eq!(expected_strides(&task, 0, 0), 4 + 10_000 * (28 + 40) + 2 * 110);
     }
 
     #[test]
@@ -434,10 +398,7 @@ mod tests {
             started: Instant::now().checked_sub(Duration::from_secs(15)).unwrap(),
         };
         let line = state.line();
-        assert!(
-            line.starts_with("2 min 05 s left, 2.0 strides/s; iteration 1"),
-            "{line}"
-        );
+        assert!(line.starts_with("2 min 05 s left, 2.0 strides/s; iteration 1"), "{line}");
         assert!(output::fitted(&line, 20).starts_with("2 min 05 s left,"));
     }
 

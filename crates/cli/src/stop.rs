@@ -64,9 +64,7 @@ pub fn robot_stop_flag(link: &Ros2Config) -> Arc<AtomicBool> {
 fn end_soon() {
     match ROBOT.get() {
         Some(link) => {
-            output::note(
-                "emergency stop: the robot gives way until `stridemap stop --rearm` (again to end at once)",
-            );
+            output::note("emergency stop: the robot gives way until `stridemap stop --rearm` (again to end at once)");
             // Whoever commands the robot presses as well, but may be at work in the map.
             if !matches!(send_stop(link, "Ctrl-C at the controller", false), Ok(true)) {
                 output::note("THE ROBOT HAS NOT SAID THAT IT STOPPED");
@@ -83,6 +81,5 @@ fn end_soon() {
 fn ignored_signals() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));
-    mask.and_then(|m| u64::from_str_radix(m.trim(), 16).ok())
-        .unwrap_or(0)
+    mask.and_then(|m| u64::from_str_radix(m.trim(), 16).ok()).unwrap_or(0)
 }

@@ -62,38 +62,16 @@ fn numbers_and_networks_that_make_no_sense_are_refused_before_anything_is_done()
         ("push run --force nan", "must be 0.000001 to"),
         ("learn stepping --until-error nan", "must be 0 to"),
         ("learn stepping --domain 5 --out run", "--robot ros2"),
-        (
-            "learn walking --learner linear --set=collect.strides=[1]",
-            "a regression on the action",
-        ),
-        (
-            "fit t.csv --out no/m.json",
-            "no/m.json: cannot be written: No such file",
-        ),
-        (
-            "report run --out no/p.html",
-            "no/p.html: cannot be written: No such file",
-        ),
+        ("learn walking --learner linear --set=collect.strides=[1]", "a regression on the action"),
+        ("fit t.csv --out no/m.json", "no/m.json: cannot be written: No such file"),
+        ("report run --out no/p.html", "no/p.html: cannot be written: No such file"),
         ("view run --out .", ".: cannot be written: is a directory"),
-        (
-            "learn stepping --set name=\u{202e}x --out run",
-            "letters, digits",
-        ),
-        (
-            "learn small-stepping --robot ros2 --yes --interface 203.0.113.7 --out run",
-            "no interface with that address",
-        ),
-        (
-            "learn small-stepping --robot ros2 --yes --set=link.connect_s=1e300 --out run",
-            "link.connect_s",
-        ),
+        ("learn stepping --set name=\u{202e}x --out run", "letters, digits"),
+        ("learn small-stepping --robot ros2 --yes --interface 203.0.113.7 --out run", "no interface with that address"),
+        ("learn small-stepping --robot ros2 --yes --set=link.connect_s=1e300 --out run", "link.connect_s"),
     ] {
         let words = words.replace(" -1", "=-1");
-        let output = Command::new(STRIDEMAP)
-            .current_dir(dir.path())
-            .args(words.split(' '))
-            .output()
-            .unwrap();
+        let output = Command::new(STRIDEMAP).current_dir(dir.path()).args(words.split(' ')).output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{words}: {stderr}");
         assert!(stderr.contains(told), "{words}: {stderr}");
@@ -128,10 +106,7 @@ fn ctrl_c_is_heard_in_the_middle_of_a_computation_and_the_run_stays() {
 fn a_hangup_that_was_ignored_at_the_start_stays_ignored() {
     let dir = tempfile::tempdir().unwrap();
     // `env` sets what is inherited, whatever this test was started with.
-    for (disposition, ignored) in [
-        ("--ignore-signal=HUP", true),
-        ("--default-signal=HUP", false),
-    ] {
+    for (disposition, ignored) in [("--ignore-signal=HUP", true), ("--default-signal=HUP", false)] {
         let robot = ["robot", "op3", "--domain=138", "--seconds=100000"];
         let words = [&[disposition, STRIDEMAP], &robot[..]].concat();
         let mut robot = start(dir.path(), "env", &words);
@@ -161,19 +136,13 @@ fn a_file_that_may_not_grow_is_an_error_with_its_name_and_the_run_goes_on_later(
         let mut shell = Command::new("bash");
         shell.args(["-c", &line]).current_dir(dir.path());
         let end = shell.output().unwrap();
-        (
-            end.status.code(),
-            String::from_utf8_lossy(&end.stderr).into_owned(),
-        )
+        (end.status.code(), String::from_utf8_lossy(&end.stderr).into_owned())
     };
     let sets = "--set collect.strides=[20] --set algorithm.iterations=1 --set record.strides=6 \
                 --set record.pose_seconds=0.5";
     let (code, said) = limited("16", &format!("learn stepping --out run {sets}"));
     assert_eq!(code, Some(1), "{said}");
-    assert!(
-        said.contains("run/") && said.contains("File too large"),
-        "{said}"
-    );
+    assert!(said.contains("run/") && said.contains("File too large"), "{said}");
     let (code, said) = limited("unlimited", "learn --resume run");
     assert_eq!(code, Some(0), "{said}");
 }

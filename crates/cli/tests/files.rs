@@ -19,10 +19,7 @@ fn section(title: &str) -> BTreeMap<String, bool> {
         let first = row.split(" | ").next().unwrap();
         for name in first.split('`').skip(1).step_by(2) {
             let optional = row.contains("optional");
-            names
-                .entry(name.to_owned())
-                .and_modify(|o| *o &= optional)
-                .or_insert(optional);
+            names.entry(name.to_owned()).and_modify(|o| *o &= optional).or_insert(optional);
         }
     }
     let more = text.lines().filter(|line| !line.starts_with('|'));
@@ -59,15 +56,7 @@ fn columns(run: &Path, header: &str) -> BTreeSet<String> {
         if header.contains("psi_roll_after_") {
             return column.to_owned(); // Pushes are told by ψ_roll, whatever the state is.
         }
-        let prefixes = [
-            "",
-            "last_",
-            "next_",
-            "mean_",
-            "std_",
-            "latent_std_",
-            "noise_std_",
-        ];
+        let prefixes = ["", "last_", "next_", "mean_", "std_", "latent_std_", "noise_std_"];
         for (kind, prefix) in names.keys().flat_map(|kind| prefixes.map(|p| (kind, p))) {
             let component = column.strip_prefix(prefix);
             if component.is_some_and(|c| names[kind].iter().any(|name| name == c)) {
@@ -80,11 +69,7 @@ fn columns(run: &Path, header: &str) -> BTreeSet<String> {
 }
 
 fn stridemap(dir: &Path, args: &str) {
-    let output = Command::new(env!("CARGO_BIN_EXE_stridemap"))
-        .current_dir(dir)
-        .args(args.split(' '))
-        .output()
-        .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_stridemap")).current_dir(dir).args(args.split(' ')).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{args}: {said}");
 }
@@ -92,12 +77,8 @@ fn stridemap(dir: &Path, args: &str) {
 #[test]
 fn the_page_of_files_names_what_real_runs_hold() {
     let dir = tempfile::tempdir().unwrap();
-    let short =
-        "--set record.strides=4 --set record.iteration_strides=3 --set record.pose_seconds=0.5";
-    stridemap(
-        dir.path(),
-        &format!("learn stepping --out stepping {short}"),
-    );
+    let short = "--set record.strides=4 --set record.iteration_strides=3 --set record.pose_seconds=0.5";
+    stridemap(dir.path(), &format!("learn stepping --out stepping {short}"));
     stridemap(dir.path(), "push stepping --strides 20");
     stridemap(
         dir.path(),
@@ -106,10 +87,7 @@ fn the_page_of_files_names_what_real_runs_hold() {
              --set algorithm.strides_at_most=75 --set collect.strides=[40,0]"
         ),
     );
-    let titles = PAGE
-        .split("\n## ")
-        .skip(1)
-        .map(|text| text.lines().next().unwrap());
+    let titles = PAGE.split("\n## ").skip(1).map(|text| text.lines().next().unwrap());
     for file in titles.filter(|title| title.contains('.')) {
         let mut held = BTreeSet::new();
         for run in ["stepping", "walking"].map(|name| dir.path().join(name)) {
@@ -118,29 +96,16 @@ fn the_page_of_files_names_what_real_runs_hold() {
             };
             match file.rsplit('.').next().unwrap() {
                 "csv" => held.extend(columns(&run, text.lines().next().unwrap())),
-                "ndjson" => text
-                    .lines()
-                    .for_each(|line| keys(&serde_json::from_str(line).unwrap(), &mut held)),
+                "ndjson" => text.lines().for_each(|line| keys(&serde_json::from_str(line).unwrap(), &mut held)),
                 _ => keys(&serde_json::from_str(&text).unwrap(), &mut held),
             }
         }
         assert!(!held.is_empty(), "no run has a {file}");
         let named = section(file);
-        let unnamed: Vec<_> = held
-            .iter()
-            .filter(|key| !named.contains_key(*key))
-            .collect();
-        assert!(
-            unnamed.is_empty(),
-            "{file}: not in docs/files.md: {unnamed:?}"
-        );
-        let promised = named
-            .iter()
-            .filter(|(name, optional)| !**optional && !held.contains(*name));
+        let unnamed: Vec<_> = held.iter().filter(|key| !named.contains_key(*key)).collect();
+        assert!(unnamed.is_empty(), "{file}: not in docs/files.md: {unnamed:?}");
+        let promised = named.iter().filter(|(name, optional)| !**optional && !held.contains(*name));
         let promised: Vec<_> = promised.map(|(name, _)| name).collect();
-        assert!(
-            promised.is_empty(),
-            "{file}: only in docs/files.md: {promised:?}"
-        );
+        assert!(promised.is_empty(), "{file}: only in docs/files.md: {promised:?}");
     }
 }

@@ -10,11 +10,7 @@
 //!
 //! Bytes are the same on machines that round alike; the first line of the file says on which kind it was made, and
 //! elsewhere the test says that it compares nothing.
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stderr,
-    reason = "a test of its own"
-)]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test of its own")]
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -29,11 +25,7 @@ const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.txt");
 fn short(task: &str) -> Vec<&'static str> {
     let walks = task.contains("walking");
     let cautious = walks && !task.ends_with("paper");
-    let mut sets = vec![
-        "record.strides=4",
-        "record.iteration_strides=3",
-        "record.pose_seconds=0.5",
-    ];
+    let mut sets = vec!["record.strides=4", "record.iteration_strides=3", "record.pose_seconds=0.5"];
     if walks {
         sets.extend(["record.walk_s=4.0", "record.speed_s=4.0"]);
     }
@@ -49,13 +41,10 @@ fn short(task: &str) -> Vec<&'static str> {
 }
 
 fn hex(digest: Sha256) -> String {
-    digest
-        .finalize()
-        .iter()
-        .fold(String::new(), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}");
-            text
-        })
+    digest.finalize().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }
 
 /// What this machine's arithmetic is made of: vector width, and a hash of the functions that libm rounds.
@@ -63,24 +52,12 @@ fn arithmetic() -> String {
     let mut digest = Sha256::new();
     for i in 1..2000 {
         let x = f64::from(i) * 0.0137;
-        for y in [
-            x.sin(),
-            x.cos(),
-            x.exp(),
-            x.ln(),
-            x.tanh(),
-            x.powf(1.7),
-            x.atan2(0.3),
-            x.acos(),
-        ] {
+        for y in [x.sin(), x.cos(), x.exp(), x.ln(), x.tanh(), x.powf(1.7), x.atan2(0.3), x.acos()] {
             digest.update(y.to_bits().to_le_bytes());
         }
     }
     #[cfg(target_arch = "x86_64")]
-    let width = match (
-        is_x86_feature_detected!("avx512f"),
-        is_x86_feature_detected!("avx2"),
-    ) {
+    let width = match (is_x86_feature_detected!("avx512f"), is_x86_feature_detected!("avx2")) {
         (true, _) => "avx512",
         (false, true) => "avx2",
         _ => "scalar",
@@ -92,10 +69,7 @@ fn arithmetic() -> String {
 
 /// The files of a directory in order, with their names.
 fn directory(digest: &mut Sha256, dir: &Path) {
-    let mut entries: Vec<_> = std::fs::read_dir(dir)
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .collect();
+    let mut entries: Vec<_> = std::fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
     for path in entries {
         digest.update(path.file_name().unwrap().as_encoded_bytes());
@@ -108,30 +82,15 @@ fn run(task: &str, seed: u64, sets: &[&str]) -> BTreeMap<&'static str, String> {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("run");
     let mut command = Command::new(env!("CARGO_BIN_EXE_stridemap"));
-    command
-        .current_dir(&dir)
-        .args(["learn", task, "--seed", &seed.to_string(), "--out"])
-        .arg(&out);
+    command.current_dir(&dir).args(["learn", task, "--seed", &seed.to_string(), "--out"]).arg(&out);
     command.args(sets.iter().map(|set| format!("--set={set}")));
     let output = command.output().unwrap();
-    assert!(
-        out.join("summary.json").exists(),
-        "{task}: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(out.join("summary.json").exists(), "{task}: {}", String::from_utf8_lossy(&output.stderr));
     let mut hashes = BTreeMap::new();
-    for kind in [
-        "transitions.csv",
-        "record.csv",
-        "learning.csv",
-        "policy",
-        "map",
-        "summary.json",
-    ] {
+    for kind in ["transitions.csv", "record.csv", "learning.csv", "policy", "map", "summary.json"] {
         let (path, mut digest) = (out.join(kind), Sha256::new());
         if kind == "summary.json" {
-            let mut summary: serde_json::Value =
-                serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+            let mut summary: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
             // Times differ, and the hashes are older than the version of the file.
             let keys = summary.as_object_mut().unwrap();
             keys.remove("seconds");
@@ -152,14 +111,9 @@ fn every_number_of_the_built_in_tasks_stays() {
     let asked = std::env::var("STRIDEMAP_GOLDEN").unwrap_or_default();
     let (write, whole) = (asked == "write", !asked.is_empty());
     let golden = std::fs::read_to_string(GOLDEN).unwrap_or_default();
-    let elsewhere = golden
-        .lines()
-        .next()
-        .is_some_and(|first| first != arithmetic());
+    let elsewhere = golden.lines().next().is_some_and(|first| first != arithmetic());
     if !write && elsewhere {
-        eprintln!(
-            "golden.txt was made where arithmetic rounds differently; nothing is compared here"
-        );
+        eprintln!("golden.txt was made where arithmetic rounds differently; nothing is compared here");
         return;
     }
     let mut found = arithmetic() + "\n";
@@ -178,13 +132,6 @@ fn every_number_of_the_built_in_tasks_stays() {
         std::fs::write(GOLDEN, found).unwrap();
         return;
     }
-    let moved: Vec<&str> = found
-        .lines()
-        .filter(|line| !golden.lines().any(|kept| kept == *line))
-        .collect();
-    assert!(
-        moved.is_empty(),
-        "these are not in golden.txt (what moved, and why?):\n{}",
-        moved.join("\n")
-    );
+    let moved: Vec<&str> = found.lines().filter(|line| !golden.lines().any(|kept| kept == *line)).collect();
+    assert!(moved.is_empty(), "these are not in golden.txt (what moved, and why?):\n{}", moved.join("\n"));
 }

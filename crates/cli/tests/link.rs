@@ -59,17 +59,7 @@ fn start(dir: &Path, arguments: &[&str]) -> Process {
 /// A robot in lock step, which a busy machine cannot make late.
 fn robot(dir: &Path, domain: u16) -> Process {
     let domain = domain.to_string();
-    start(
-        dir,
-        &[
-            "robot",
-            "op3",
-            "--domain",
-            &domain,
-            "--realtime-factor",
-            "0",
-        ],
-    )
+    start(dir, &["robot", "op3", "--domain", &domain, "--realtime-factor", "0"])
 }
 
 fn learn(dir: &Path, domain: u16, more: &[&str]) -> Process {
@@ -111,18 +101,13 @@ fn rows(dir: &Path) -> Vec<String> {
 }
 
 fn crossings(dir: &Path) -> usize {
-    rows(dir)
-        .iter()
-        .filter(|r| r.contains(",crossing,"))
-        .count()
+    rows(dir).iter().filter(|r| r.contains(",crossing,")).count()
 }
 
 /// What was asked and answered, in the run's events.
 fn answers(dir: &Path) -> Vec<(String, String)> {
     let text = read(dir.join("run/events.ndjson"));
-    let events = text
-        .lines()
-        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let events = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
     events
         .filter(|e| e["event"] == "asked")
         .map(|e| {
@@ -159,17 +144,10 @@ fn a_controller_that_is_killed_goes_on_without_losing_a_stride() {
     let mut again = start(dir, &["learn", "--resume", "run", "--yes"]);
     assert!(end(&mut again), "{}", read(dir.join("learn.log")));
     let after = rows(dir);
-    assert_eq!(
-        after[..before.len()],
-        before[..],
-        "strides from before are the first"
-    );
+    assert_eq!(after[..before.len()], before[..], "strides from before are the first");
     assert_eq!(crossings(dir), STRIDES);
     assert!(dir.join("run/summary.json").exists() && dir.join("run/log-2.mcap").exists());
-    let first = (
-        "before the first stride".to_owned(),
-        "yes (--yes)".to_owned(),
-    );
+    let first = ("before the first stride".to_owned(), "yes (--yes)".to_owned());
     assert_eq!(answers(dir), [first.clone(), first], "asked at both starts");
     let events = read(dir.join("run/events.ndjson"));
     // Of the rows, 8 were explored and 2 proved the first policy.
@@ -189,13 +167,8 @@ fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() 
     let mut stdin = refused.0.stdin.take().unwrap();
     say(&mut stdin, "n");
     assert!(!end(&mut refused));
-    for word in [
-        "strides to learn from",
-        "joints turn at up to",
-        "falls are expected",
-        "[y/N]",
-        "the operator said no",
-    ] {
+    for word in ["strides to learn from", "joints turn at up to", "falls are expected", "[y/N]", "the operator said no"]
+    {
         assert!(log().contains(word), "{word:?} in {}", log());
     }
     assert_eq!(rows(dir).len(), 0);
@@ -212,19 +185,11 @@ fn the_robot_moves_after_a_yes_and_again_after_a_stop_only_when_it_was_set_up() 
     // Still latched: a yes is not enough, and is asked again.
     say(&mut stdin, "y");
     wait("another question", || log().matches("[y/N]").count() == 3);
-    assert_eq!(
-        crossings(dir),
-        made,
-        "the robot stands while it is asked for"
-    );
+    assert_eq!(crossings(dir), made, "the robot stands while it is asked for");
     stop(dir, 21, &["--rearm"]);
     say(&mut stdin, "y");
     assert!(end(&mut controller), "{}", log());
-    assert_eq!(
-        crossings(dir),
-        STRIDES,
-        "the aborted stride is none of them"
-    );
+    assert_eq!(crossings(dir), STRIDES, "the aborted stride is none of them");
     let asked = answers(dir);
     let answered: Vec<&str> = asked.iter().map(|(_, a)| a.as_str()).collect();
     assert_eq!(answered, ["no", "yes", "yes", "yes"], "{asked:?}");
@@ -241,18 +206,13 @@ fn after_a_fall_the_robot_waits_until_it_is_set_up() {
     let mut controller = learn(dir, 22, &["--set=failure.psi_roll_below_deg=3.5"]);
     let mut stdin = controller.0.stdin.take().unwrap();
     say(&mut stdin, "y");
-    wait("a fall", || {
-        answers(dir).len() == 1 && rows(dir).iter().any(|r| r.contains(",fell,"))
-    });
+    wait("a fall", || answers(dir).len() == 1 && rows(dir).iter().any(|r| r.contains(",fell,")));
     let log = || read(dir.join("learn.log"));
     wait("a question", || log().contains("the robot fell"));
     say(&mut stdin, "n");
     assert!(!end(&mut controller));
     let (asked, answered) = answers(dir)[1].clone();
-    assert!(
-        asked.starts_with("the robot fell: psi_roll") && answered == "no",
-        "{asked}"
-    );
+    assert!(asked.starts_with("the robot fell: psi_roll") && answered == "no", "{asked}");
 }
 
 #[test]
@@ -301,34 +261,11 @@ fn a_log_gives_the_strides_again_without_a_robot() {
     let dir = dir.path();
     let _robot = robot(dir, 24);
     let domain = "--set=link.domain=24";
-    let head = [
-        "collect",
-        "small-stepping",
-        "--robot",
-        "ros2",
-        "--yes",
-        "--out",
-        "run",
-    ];
+    let head = ["collect", "small-stepping", "--robot", "ros2", "--yes", "--out", "run"];
     let words = [&head[..], &["--set=collect.strides=[8]", domain]].concat();
-    assert!(
-        end(&mut start(dir, &words)),
-        "{}",
-        read(dir.join("collect.log"))
-    );
-    let from = [
-        "collect",
-        "small-stepping",
-        "--from",
-        "run/log.mcap",
-        "--out",
-        "again.csv",
-    ];
-    assert!(
-        end(&mut start(dir, &from)),
-        "{}",
-        read(dir.join("collect.log"))
-    );
+    assert!(end(&mut start(dir, &words)), "{}", read(dir.join("collect.log")));
+    let from = ["collect", "small-stepping", "--from", "run/log.mcap", "--out", "again.csv"];
+    assert!(end(&mut start(dir, &from)), "{}", read(dir.join("collect.log")));
     let again = read(dir.join("again.csv"));
     let again: Vec<&str> = again.lines().skip(1).collect();
     let before = rows(dir);
@@ -348,10 +285,7 @@ fn a_log_gives_the_strides_again_without_a_robot() {
 fn without(log: &Path, to: &Path, drop: impl Fn(&str, usize) -> bool) {
     let bytes = std::fs::read(log).unwrap();
     let file = std::fs::File::create(to).unwrap();
-    let mut writer = mcap::WriteOptions::new()
-        .compression(None)
-        .create(std::io::BufWriter::new(file))
-        .unwrap();
+    let mut writer = mcap::WriteOptions::new().compression(None).create(std::io::BufWriter::new(file)).unwrap();
     let mut seen = std::collections::BTreeMap::<String, usize>::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
@@ -369,13 +303,8 @@ fn without(log: &Path, to: &Path, drop: impl Fn(&str, usize) -> bool) {
 fn a_lost_message_of_a_log_costs_its_strides_and_changes_no_other() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    let stridemap = |words: &[&str]| {
-        Command::new(env!("CARGO_BIN_EXE_stridemap"))
-            .current_dir(dir)
-            .args(words)
-            .output()
-            .unwrap()
-    };
+    let stridemap =
+        |words: &[&str]| Command::new(env!("CARGO_BIN_EXE_stridemap")).current_dir(dir).args(words).output().unwrap();
     let collected = stridemap(&["collect", "small-stepping", "--log", "--out", "run"]);
     assert!(collected.status.success(), "{collected:?}");
     let log = dir.join("run/log.mcap");
@@ -383,42 +312,26 @@ fn a_lost_message_of_a_log_costs_its_strides_and_changes_no_other() {
         let (log, out) = (format!("{name}.mcap"), format!("{name}.csv"));
         let read = stridemap(&["collect", "small-stepping", "--from", &log, "--out", &out]);
         let table = read_rows(&dir.join(out));
-        (
-            read.status.code(),
-            table,
-            String::from_utf8_lossy(&read.stderr).into_owned(),
-        )
+        (read.status.code(), table, String::from_utf8_lossy(&read.stderr).into_owned())
     };
     without(&log, &dir.join("whole.mcap"), |_, _| false);
     let (code, whole, _) = from("whole");
     assert_eq!((code, whole.len()), (Some(0), 20));
 
-    without(&log, &dir.join("action.mcap"), |topic, nth| {
-        topic == "/stridemap/action" && nth == 5
-    });
+    without(&log, &dir.join("action.mcap"), |topic, nth| topic == "/stridemap/action" && nth == 5);
     let (code, rows, told) = from("action");
     assert_eq!(code, Some(0));
     assert_eq!(rows, [&whole[..5], &whole[7..]].concat(), "{told}");
     assert!(told.contains("1 left out for want of an action"), "{told}");
 
-    without(&log, &dir.join("gap.mcap"), |topic, nth| {
-        topic == "/joint_states" && (1500..1625).contains(&nth)
-    });
+    without(&log, &dir.join("gap.mcap"), |topic, nth| topic == "/joint_states" && (1500..1625).contains(&nth));
     let (code, rows, told) = from("gap");
     let (aborted, before) = rows.split_last().unwrap();
     assert_eq!((code, before), (Some(0), &whole[..before.len()]));
-    assert!(
-        before.len() > 5 && aborted.contains(",aborted,"),
-        "{aborted}"
-    );
-    assert!(
-        told.contains("no state for 1.008 s of robot time"),
-        "{told}"
-    );
+    assert!(before.len() > 5 && aborted.contains(",aborted,"), "{aborted}");
+    assert!(told.contains("no state for 1.008 s of robot time"), "{told}");
 
-    without(&log, &dir.join("none.mcap"), |topic, _| {
-        topic == "/stridemap/action"
-    });
+    without(&log, &dir.join("none.mcap"), |topic, _| topic == "/stridemap/action");
     let (code, rows, told) = from("none");
     assert_eq!((code, rows.len()), (Some(1), 0));
     assert!(told.contains("no /stridemap/action"), "{told}");

@@ -46,11 +46,7 @@ impl Document {
     ///      (built in: stepping, walking; or the path of a file)"
     /// );
     /// ```
-    pub fn load(
-        name: &str,
-        sets: &[String],
-        built_in: &[(&str, &str)],
-    ) -> Result<Self, ConfigError> {
+    pub fn load(name: &str, sets: &[String], built_in: &[(&str, &str)]) -> Result<Self, ConfigError> {
         Self::resolve(&load::find(name, Path::new(""), built_in)?, sets, built_in)
     }
 
@@ -59,11 +55,7 @@ impl Document {
     /// # Errors
     ///
     /// As for [`load`](Self::load).
-    pub fn load_file(
-        path: &Path,
-        sets: &[String],
-        built_in: &[(&str, &str)],
-    ) -> Result<Self, ConfigError> {
+    pub fn load_file(path: &Path, sets: &[String], built_in: &[(&str, &str)]) -> Result<Self, ConfigError> {
         Self::resolve(&load::read(path)?, sets, built_in)
     }
 
@@ -72,10 +64,7 @@ impl Document {
         for argument in sets {
             set(&mut root, argument)?;
         }
-        Ok(Self {
-            root,
-            file: text.file.clone(),
-        })
+        Ok(Self { root, file: text.file.clone() })
     }
 
     /// The document as a typed configuration.
@@ -110,9 +99,7 @@ impl Document {
         let path = segments(key)?;
         let (node, depth) = self.root.descend(&path);
         match &node.content {
-            Content::Table(table) if depth == path.len() => {
-                Some(table.keys().map(String::as_str).collect())
-            }
+            Content::Table(table) if depth == path.len() => Some(table.keys().map(String::as_str).collect()),
             _ => None,
         }
     }
@@ -156,15 +143,10 @@ fn set(root: &mut Node, argument: &str) -> Result<(), ConfigError> {
         // A path typed at the prompt starts where the prompt stands.
         base_dir: Some(PathBuf::new()),
     });
-    let place = Place {
-        source: Arc::clone(&source),
-        line: None,
-    };
+    let place = Place { source: Arc::clone(&source), line: None };
     let fault = |key: &str, problem: &str| ConfigError::new(Some(&place), key, problem);
-    let (key, value) =
-        split(argument).ok_or_else(|| fault("", "not valid TOML: expected KEY=VALUE"))?;
-    let path = segments(key)
-        .ok_or_else(|| fault("", "not valid TOML: expected a key such as a.b or a.0.b"))?;
+    let (key, value) = split(argument).ok_or_else(|| fault("", "not valid TOML: expected KEY=VALUE"))?;
+    let path = segments(key).ok_or_else(|| fault("", "not valid TOML: expected a key such as a.b or a.0.b"))?;
     // Set after the chain was followed, it would do nothing but break the saved file.
     if path.first().is_some_and(|key| key == EXTENDS) {
         let problem = "cannot be set; name the other task instead of this one";

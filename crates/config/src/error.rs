@@ -49,22 +49,12 @@ pub struct ConfigError {
 
 impl ConfigError {
     pub(crate) fn new(place: Option<&Place>, key: &str, problem: impl Into<String>) -> Self {
-        Self {
-            place: place.cloned(),
-            key: key.to_owned(),
-            value: None,
-            problem: problem.into(),
-            hint: String::new(),
-        }
+        Self { place: place.cloned(), key: key.to_owned(), value: None, problem: problem.into(), hint: String::new() }
     }
 
     /// The fault at its place.
     pub(crate) fn at(self, place: &Place, key: &str) -> Self {
-        Self {
-            place: Some(place.clone()),
-            key: key.to_owned(),
-            ..self
-        }
+        Self { place: Some(place.clone()), key: key.to_owned(), ..self }
     }
 
     pub(crate) fn unfit(expected: &str, found: &str) -> Self {
@@ -78,11 +68,7 @@ impl ConfigError {
         if !known.is_empty() {
             hint += &format!(" ({of}: {}{end})", known.join(", "));
         }
-        Self {
-            value: Some(name.to_owned()),
-            hint,
-            ..Self::new(None, "", format!("unknown {what}"))
-        }
+        Self { value: Some(name.to_owned()), hint, ..Self::new(None, "", format!("unknown {what}")) }
     }
 }
 
@@ -131,10 +117,7 @@ impl de::Error for ConfigError {
             [] => "no key is allowed here".to_owned(),
             _ => format!("allowed: {}", allowed.join(", ")),
         };
-        Self {
-            hint: format!("{} ({allowed})", near.unwrap_or_default()),
-            ..Self::new(None, field, "unknown key")
-        }
+        Self { hint: format!("{} ({allowed})", near.unwrap_or_default()), ..Self::new(None, field, "unknown key") }
     }
 
     fn missing_field(field: &'static str) -> Self {

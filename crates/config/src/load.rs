@@ -26,15 +26,8 @@ pub(crate) struct Text {
 /// A built-in task; any other name is a path, relative to the file that names it.
 pub(crate) fn find(name: &str, from: &Path, built_in: BuiltIn<'_>) -> Result<Text, ConfigError> {
     if let Some((name, text)) = built_in.iter().find(|(task, _)| *task == name) {
-        let source = Source {
-            name: format!("built-in task {name}"),
-            base_dir: None,
-        };
-        return Ok(Text {
-            source: Arc::new(source),
-            text: (*text).to_owned(),
-            file: None,
-        });
+        let source = Source { name: format!("built-in task {name}"), base_dir: None };
+        return Ok(Text { source: Arc::new(source), text: (*text).to_owned(), file: None });
     }
     let file = from.join(name);
     if !file.exists() && !name.contains(['/', '\\', '.']) {
@@ -48,8 +41,7 @@ pub(crate) fn find(name: &str, from: &Path, built_in: BuiltIn<'_>) -> Result<Tex
 /// The text of a file, whose path need not be text itself.
 pub(crate) fn read(file: &Path) -> Result<Text, ConfigError> {
     let name = file.display().to_string();
-    let cannot =
-        |name: &str, why: String| ConfigError::new(None, "", format!("cannot read {name}: {why}"));
+    let cannot = |name: &str, why: String| ConfigError::new(None, "", format!("cannot read {name}: {why}"));
     let bytes = std::fs::read(file).map_err(|error| cannot(&name, error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
@@ -57,19 +49,11 @@ pub(crate) fn read(file: &Path) -> Result<Text, ConfigError> {
         cannot(&format!("{name}:{line}"), "is not text (UTF-8)".into())
     })?;
     let base_dir = Some(file.parent().unwrap_or(Path::new("")).to_owned());
-    Ok(Text {
-        source: Arc::new(Source { name, base_dir }),
-        text,
-        file: Some(file.to_owned()),
-    })
+    Ok(Text { source: Arc::new(Source { name, base_dir }), text, file: Some(file.to_owned()) })
 }
 
 /// A text laid over those it extends. `chain`: the texts that extend this one.
-pub(crate) fn resolve(
-    text: &Text,
-    chain: &mut Vec<Arc<Source>>,
-    built_in: BuiltIn<'_>,
-) -> Result<Node, ConfigError> {
+pub(crate) fn resolve(text: &Text, chain: &mut Vec<Arc<Source>>, built_in: BuiltIn<'_>) -> Result<Node, ConfigError> {
     chain.push(Arc::clone(&text.source));
     let mut layer = Reader::document(&text.source, &text.text)?;
     let extends = match &mut layer.content {
@@ -87,14 +71,9 @@ pub(crate) fn resolve(
     let from = text.source.base_dir.as_deref().unwrap_or(Path::new(""));
     let below = find(name, from, built_in).map_err(placed)?;
     if chain.contains(&below.source) {
-        let chain = chain
-            .iter()
-            .chain([&below.source])
-            .map(|source| &*source.name);
+        let chain = chain.iter().chain([&below.source]).map(|source| &*source.name);
         let chain = chain.collect::<Vec<_>>().join(" -> ");
-        return Err(placed(Error::custom(format!(
-            "a task extends itself: {chain}"
-        ))));
+        return Err(placed(Error::custom(format!("a task extends itself: {chain}"))));
     }
     if chain.len() == MAX_CHAIN {
         let message = format!("more than {MAX_CHAIN} tasks extend one another");

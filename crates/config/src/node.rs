@@ -85,10 +85,7 @@ impl Node {
             };
             return item.set(path, depth + 1, value);
         }
-        let empty = Self {
-            place: value.place.clone(),
-            content: Content::Table(Map::new()),
-        };
+        let empty = Self { place: value.place.clone(), content: Content::Table(Map::new()) };
         if !matches!(self.content, Content::Table(_)) {
             *self = empty.clone();
         }
@@ -125,53 +122,27 @@ impl<'a> Reader<'a> {
     /// Reads a whole document.
     pub fn document(source: &'a Arc<Source>, text: &str) -> Result<Node, ConfigError> {
         let newlines = text.match_indices('\n').map(|(at, _)| at + 1);
-        let reader = Self {
-            source,
-            line_starts: std::iter::once(0).chain(newlines).collect(),
-        };
+        let reader = Self { source, line_starts: std::iter::once(0).chain(newlines).collect() };
         let table = DeTable::parse(text).map_err(|error| reader.syntax("", &error))?;
         let content = Content::Table(reader.table(table.into_inner(), &mut Vec::new())?);
-        Ok(Node {
-            place: Place {
-                source: Arc::clone(source),
-                line: None,
-            },
-            content,
-        })
+        Ok(Node { place: Place { source: Arc::clone(source), line: None }, content })
     }
 
     /// Reads what a `--set` gives to the key at `path`. What is not a TOML value is a string without its quotes,
     /// `--set map.draw=full`, unless it opens as a quoted string, an array or a table does: then a closing
     /// mark was forgotten.
-    pub fn set_value(
-        source: &'a Arc<Source>,
-        path: &[String],
-        text: &str,
-    ) -> Result<Node, ConfigError> {
-        let reader = Self {
-            source,
-            line_starts: Vec::new(),
-        };
+    pub fn set_value(source: &'a Arc<Source>, path: &[String], text: &str) -> Result<Node, ConfigError> {
+        let reader = Self { source, line_starts: Vec::new() };
         match DeValue::parse(text) {
-            Ok(value) if !value.get_ref().is_datetime() => {
-                reader.value(value, reader.place(0), &mut path.to_vec())
-            }
-            Err(error) if text.starts_with(['"', '\'', '[', '{']) => {
-                Err(reader.syntax(&dotted(path), &error))
-            }
-            _ => Ok(Node {
-                place: reader.place(0),
-                content: Content::String(text.to_owned()),
-            }),
+            Ok(value) if !value.get_ref().is_datetime() => reader.value(value, reader.place(0), &mut path.to_vec()),
+            Err(error) if text.starts_with(['"', '\'', '[', '{']) => Err(reader.syntax(&dotted(path), &error)),
+            _ => Ok(Node { place: reader.place(0), content: Content::String(text.to_owned()) }),
         }
     }
 
     fn place(&self, offset: usize) -> Place {
         let line = self.line_starts.partition_point(|start| *start <= offset);
-        Place {
-            source: Arc::clone(self.source),
-            line: (line > 0).then_some(line),
-        }
+        Place { source: Arc::clone(self.source), line: (line > 0).then_some(line) }
     }
 
     fn syntax(&self, key: &str, error: &toml::de::Error) -> ConfigError {
@@ -180,18 +151,10 @@ impl<'a> Reader<'a> {
         ConfigError::new(Some(&place), key, problem)
     }
 
-    fn table(
-        &self,
-        table: DeTable<'_>,
-        path: &mut Vec<String>,
-    ) -> Result<Map<String, Node>, ConfigError> {
+    fn table(&self, table: DeTable<'_>, path: &mut Vec<String>) -> Result<Map<String, Node>, ConfigError> {
         let mut nodes = Map::new();
         for (key, value) in table {
-            let begin = if value.get_ref().is_table() {
-                key.span().start
-            } else {
-                value.span().start
-            };
+            let begin = if value.get_ref().is_table() { key.span().start } else { value.span().start };
             let key = key.into_inner().into_owned();
             path.push(key.clone());
             nodes.insert(key, self.value(value, self.place(begin), path)?);
@@ -200,15 +163,9 @@ impl<'a> Reader<'a> {
         Ok(nodes)
     }
 
-    fn value(
-        &self,
-        value: Spanned<DeValue<'_>>,
-        place: Place,
-        path: &mut Vec<String>,
-    ) -> Result<Node, ConfigError> {
-        let unfit = |expected, found: String, path: &[String]| {
-            ConfigError::unfit(expected, &found).at(&place, &dotted(path))
-        };
+    fn value(&self, value: Spanned<DeValue<'_>>, place: Place, path: &mut Vec<String>) -> Result<Node, ConfigError> {
+        let unfit =
+            |expected, found: String, path: &[String]| ConfigError::unfit(expected, &found).at(&place, &dotted(path));
         if path.len() > MAX_DEPTH {
             let problem = format!("not valid TOML: nested more than {MAX_DEPTH} deep");
             return Err(ConfigError::new(Some(&place), "", problem));
@@ -216,15 +173,13 @@ impl<'a> Reader<'a> {
         let content = match value.into_inner() {
             DeValue::String(text) => Content::String(text.into_owned()),
             DeValue::Boolean(truth) => Content::Bool(truth),
-            DeValue::Integer(number) => {
-                match i64::from_str_radix(number.as_str(), number.radix()) {
-                    Ok(number) => Content::Integer(number),
-                    Err(_) => {
-                        let found = format!("the integer {number}");
-                        return Err(unfit("an integer of at most 64 bits", found, path));
-                    }
+            DeValue::Integer(number) => match i64::from_str_radix(number.as_str(), number.radix()) {
+                Ok(number) => Content::Integer(number),
+                Err(_) => {
+                    let found = format!("the integer {number}");
+                    return Err(unfit("an integer of at most 64 bits", found, path));
                 }
-            }
+            },
             DeValue::Float(number) => Content::Float(number.as_str().parse().unwrap_or(f64::NAN)),
             DeValue::Datetime(date) => {
                 let expected = "a string, number, boolean, array or table";

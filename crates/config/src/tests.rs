@@ -106,9 +106,7 @@ modulates = "phase | | 14: action.1.modulates: missing key
 #[test]
 fn every_fault_names_file_line_and_key() {
     for case in FAULTS.trim_matches('\n').lines() {
-        let [line, by, expected] = case.split('|').collect::<Vec<_>>()[..] else {
-            panic!("{case}")
-        };
+        let [line, by, expected] = case.split('|').collect::<Vec<_>>()[..] else { panic!("{case}") };
         let mut lines: Vec<&str> = GOOD.lines().collect();
         let at = lines.iter().position(|l| l.starts_with(line.trim_end()));
         lines[at.unwrap()] = by;
@@ -120,10 +118,7 @@ fn every_fault_names_file_line_and_key() {
     }
     let array = message(read("draw = \"full\"\nrobot = [1]", &[]));
     assert_eq!(array, "t:2: robot: expected a table, found an array");
-    assert_eq!(
-        message(read("draw = \"full\"", &[])),
-        "t: robot: missing key"
-    );
+    assert_eq!(message(read("draw = \"full\"", &[])), "t: robot: missing key");
     let long = GOOD.replace("= 60", &format!("= \"{}\"", "é".repeat(500)));
     let quoted = format!("found a string that begins \"{}\"", "é".repeat(80));
     assert!(message(read(&long, &[])).ends_with(&quoted));
@@ -193,10 +188,7 @@ fn a_file_is_laid_over_those_it_extends_and_faults_name_theirs() {
     let built_in = [("stepping", GOOD)];
     let document = Document::load_file(&mine, &["robot.model=b.xml".into()], &built_in).unwrap();
     let task: Task = document.deserialize().unwrap();
-    assert_eq!(
-        (task.strides, task.robot.friction, task.action.len()),
-        (3, 0.1, 1)
-    );
+    assert_eq!((task.strides, task.robot.friction, task.action.len()), (3, 0.1, 1));
     assert_eq!(document.file(), Some(&*mine));
     assert_eq!(document.base_dir("robot.model"), Some(Path::new("")));
     assert_eq!(document.base_dir("strides"), mine.parent());
@@ -205,22 +197,10 @@ fn a_file_is_laid_over_those_it_extends_and_faults_name_theirs() {
         let text = document.located(key, "bad").to_string();
         text.replace(&format!("{}/", dir.path().display()), "")
     };
-    assert_eq!(
-        said("robot.friction"),
-        "sub/mine.toml:4: robot.friction: bad"
-    );
-    assert_eq!(
-        said("robot.left.knee"),
-        "sub/mine.toml:3: robot.left.knee: bad"
-    );
-    assert_eq!(
-        said("action.0.bounds.1"),
-        "sub/../base.toml:8: action.0.bounds.1: bad"
-    );
-    assert_eq!(
-        said("action.7.bounds"),
-        "sub/../base.toml:6: action.7.bounds: bad"
-    );
+    assert_eq!(said("robot.friction"), "sub/mine.toml:4: robot.friction: bad");
+    assert_eq!(said("robot.left.knee"), "sub/mine.toml:3: robot.left.knee: bad");
+    assert_eq!(said("action.0.bounds.1"), "sub/../base.toml:8: action.0.bounds.1: bad");
+    assert_eq!(said("action.7.bounds"), "sub/../base.toml:6: action.7.bounds: bad");
     assert_eq!(said("draw"), "built-in task stepping:3: draw: bad");
     assert_eq!(said("gait.phase"), "sub/mine.toml: gait.phase: bad");
     assert_eq!(document.keys("robot.rest_deg"), Some(vec!["hip", "knee"]));
@@ -236,8 +216,7 @@ fn a_file_is_laid_over_those_it_extends_and_faults_name_theirs() {
         ];
         message(Document::load(name, &[], &tasks)).replace(&*dir.path().to_string_lossy(), "DIR")
     };
-    let known =
-        "did you mean \"walking\"? (built in: walking, typo, number, a, b; or the path of a file)";
+    let known = "did you mean \"walking\"? (built in: walking, typo, number, a, b; or the path of a file)";
     assert_eq!(load("walkin"), format!("unknown task \"walkin\"; {known}"));
     let typo = format!("built-in task typo:2: extends = \"walkin\": unknown task; {known}");
     assert_eq!(load("typo"), typo);
@@ -252,10 +231,7 @@ fn a_file_is_laid_over_those_it_extends_and_faults_name_theirs() {
     );
     std::fs::write(dir.path().join("latin.toml"), b"a = 1\nb = \"\xff\"").unwrap();
     let latin = dir.path().join("latin.toml");
-    assert_eq!(
-        load(latin.to_str().unwrap()),
-        "cannot read DIR/latin.toml:2: is not text (UTF-8)"
-    );
+    assert_eq!(load(latin.to_str().unwrap()), "cannot read DIR/latin.toml:2: is not text (UTF-8)");
     assert!(load("none.toml").starts_with("cannot read none.toml: "));
 }
 
@@ -290,11 +266,7 @@ fn deep_and_wide_texts() {
             format!("x = {}1{}", "{a=".repeat(depth), "}".repeat(depth)),
             format!("x.{dotted} = 1"),
             format!("[x.{dotted}]"),
-            format!(
-                "x = {}1{}",
-                "{a.b.c=".repeat(depth / 2),
-                "}".repeat(depth / 2)
-            ),
+            format!("x = {}1{}", "{a.b.c=".repeat(depth / 2), "}".repeat(depth / 2)),
         ] {
             assert!(message(read(&text, &[])).starts_with("t:1: not valid TOML: "));
         }
@@ -303,16 +275,7 @@ fn deep_and_wide_texts() {
     }
     let keys: String = (0..100_000).map(|i| format!("k{i} = 1\n")).collect();
     let wide = format!("{GOOD}[robot.rest_deg]\n{keys}").replace("rest_deg = {", "# {");
-    let tasks = [
-        ("t", wide.as_str()),
-        (
-            "child",
-            &format!("extends = \"t\"\n[robot.rest_deg]\n{keys}"),
-        ),
-    ];
-    let task: Task = Document::load("child", &[], &tasks)
-        .unwrap()
-        .deserialize()
-        .unwrap();
+    let tasks = [("t", wide.as_str()), ("child", &format!("extends = \"t\"\n[robot.rest_deg]\n{keys}"))];
+    let task: Task = Document::load("child", &[], &tasks).unwrap().deserialize().unwrap();
     assert_eq!(task.robot.rest_deg.len(), 100_000);
 }

@@ -37,10 +37,7 @@ pub fn to_toml<T: Serialize>(value: &T) -> Result<String, ConfigError> {
 /// # Errors
 ///
 /// As for [`to_toml`].
-pub fn walk<T: Serialize>(
-    value: &T,
-    visit: &mut impl FnMut(&str, &Value),
-) -> Result<(), ConfigError> {
+pub fn walk<T: Serialize>(value: &T, visit: &mut impl FnMut(&str, &Value)) -> Result<(), ConfigError> {
     fn below(value: &Value, path: &mut Vec<String>, visit: &mut impl FnMut(&str, &Value)) {
         let mut step = |key: String, value: &Value| {
             path.push(key);
@@ -48,9 +45,7 @@ pub fn walk<T: Serialize>(
             path.pop();
         };
         match value {
-            Value::Table(table) => table
-                .iter()
-                .for_each(|(key, value)| step(key.clone(), value)),
+            Value::Table(table) => table.iter().for_each(|(key, value)| step(key.clone(), value)),
             Value::Array(items) => {
                 let items = items.iter().enumerate();
                 items.for_each(|(at, item)| step(at.to_string(), item));
@@ -110,9 +105,7 @@ fn inline(value: &Value) -> String {
             format!("[{}]", items.join(", "))
         }
         Value::Table(table) if !table.is_empty() => {
-            let pairs = table
-                .iter()
-                .map(|(key, value)| format!("{} = {}", key.to_toml_key(), inline(value)));
+            let pairs = table.iter().map(|(key, value)| format!("{} = {}", key.to_toml_key(), inline(value)));
             format!("{{ {} }}", pairs.collect::<Vec<_>>().join(", "))
         }
         other => other.to_string(),

@@ -51,28 +51,19 @@ impl Lock {
     /// [`LockError`].
     pub fn take(dir: &Path) -> Result<Self, LockError> {
         let path = dir.join(LOCK_FILE);
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)?;
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let mut holder = String::new();
                 // Without a number the answer is the same, only less helpful.
                 let _ = file.read_to_string(&mut holder);
-                return Err(LockError::Held {
-                    pid: holder.trim().parse().ok(),
-                });
+                return Err(LockError::Held { pid: holder.trim().parse().ok() });
             }
             Err(TryLockError::Error(error)) => return Err(error.into()),
         }
         // The lock counts; the number is for people, and a full disk may have no room for it.
-        let _ = file
-            .set_len(0)
-            .and_then(|()| writeln!(file, "{}", std::process::id()));
+        let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
         Ok(Self { file })
     }
 }

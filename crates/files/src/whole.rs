@@ -41,10 +41,7 @@ impl Target {
             if meta.is_dir() {
                 return Err(ErrorKind::IsADirectory.into());
             }
-            for own in [
-                io::stdout().as_fd().try_clone_to_owned(),
-                io::stderr().as_fd().try_clone_to_owned(),
-            ] {
+            for own in [io::stdout().as_fd().try_clone_to_owned(), io::stderr().as_fd().try_clone_to_owned()] {
                 let own = File::from(own?);
                 let m = own.metadata()?;
                 if (m.dev(), m.ino()) == (meta.dev(), meta.ino()) {
@@ -107,8 +104,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
         Target::Own(mut file) => file.write_all(bytes),
         Target::Through(path, meta) if meta.file_type().is_socket() => {
             let held = HELD.lock().ok().and_then(|mut held| held.remove(&path));
-            held.map_or_else(|| UnixStream::connect(path), Ok)?
-                .write_all(bytes)
+            held.map_or_else(|| UnixStream::connect(path), Ok)?.write_all(bytes)
         }
         Target::Through(path, _) => OpenOptions::new().write(true).open(path)?.write_all(bytes),
         Target::Regular(path, old) => replace(&path, old.as_ref(), bytes),
@@ -141,9 +137,7 @@ fn replace(path: &Path, old: Option<&Metadata>, bytes: &[u8]) -> io::Result<()> 
     file.sync_all()?;
     match aside.into_place(path) {
         // Something is mounted on the file itself.
-        Err(error) if old.is_some() && error.kind() == ErrorKind::ResourceBusy => {
-            overwrite(path, bytes)
-        }
+        Err(error) if old.is_some() && error.kind() == ErrorKind::ResourceBusy => overwrite(path, bytes),
         renamed => renamed,
     }
 }
@@ -280,9 +274,7 @@ mod tests {
 
     fn names(dir: &Path) -> Vec<String> {
         let entries = fs::read_dir(dir).unwrap();
-        let mut names: Vec<String> = entries
-            .map(|e| e.unwrap().file_name().to_string_lossy().into_owned())
-            .collect();
+        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
     }
@@ -291,13 +283,7 @@ mod tests {
     fn what_is_no_regular_file_is_written_through_and_stays_what_it_is() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
-        assert!(
-            Command::new("mkfifo")
-                .arg(at("pipe"))
-                .status()
-                .unwrap()
-                .success()
-        );
+        assert!(Command::new("mkfifo").arg(at("pipe")).status().unwrap().success());
         let reader = std::thread::spawn({
             let pipe = at("pipe");
             move || fs::read_to_string(pipe).unwrap()
@@ -310,12 +296,7 @@ mod tests {
         let listener = UnixListener::bind(at("socket")).unwrap();
         let reader = std::thread::spawn(move || {
             let mut text = String::new();
-            listener
-                .accept()
-                .unwrap()
-                .0
-                .read_to_string(&mut text)
-                .unwrap();
+            listener.accept().unwrap().0.read_to_string(&mut text).unwrap();
             text
         });
         // Looked at, then written, in one call; a socket on which nobody listens any more is found before.
@@ -326,18 +307,10 @@ mod tests {
         assert_eq!(refused.kind(), ErrorKind::ConnectionRefused);
 
         // A device of our own, where the system lets us make one.
-        let made = Command::new("mknod")
-            .arg(at("null"))
-            .args(["c", "1", "3"])
-            .status();
+        let made = Command::new("mknod").arg(at("null")).args(["c", "1", "3"]).status();
         if made.is_ok_and(|status| status.success()) {
             write_whole(&at("null"), b"three\n").unwrap();
-            assert!(
-                fs::metadata(at("null"))
-                    .unwrap()
-                    .file_type()
-                    .is_char_device()
-            );
+            assert!(fs::metadata(at("null")).unwrap().file_type().is_char_device());
         }
     }
 
@@ -374,18 +347,11 @@ mod tests {
             assert_eq!(check_file(&path).unwrap_err().kind(), kind, "{path:?}");
         }
         symlink("loop", at("loop")).unwrap();
-        for found in [
-            check_file(&at("loop")),
-            check_dir(&at("loop")),
-            resolved(&at("loop")).map(drop),
-        ] {
+        for found in [check_file(&at("loop")), check_dir(&at("loop")), resolved(&at("loop")).map(drop)] {
             assert!(found.unwrap_err().to_string().contains("symbolic link"));
         }
         fs::remove_file(at("loop")).unwrap();
-        assert_eq!(
-            check_dir(&at("file/x")).unwrap_err().kind(),
-            ErrorKind::NotADirectory
-        );
+        assert_eq!(check_dir(&at("file/x")).unwrap_err().kind(), ErrorKind::NotADirectory);
         check_dir(&at("new/newer")).unwrap();
         assert_eq!(names(dir.path()), ["file"]);
     }
@@ -396,20 +362,11 @@ mod tests {
         let mut child = Command::new("true").spawn().unwrap();
         let gone = child.id();
         child.wait().unwrap();
-        let kept = [
-            ".x.tmp".into(),
-            "y.tmp".into(),
-            format!(".z.{}-0.tmp", std::os::unix::process::parent_id()),
-        ];
+        let kept = [".x.tmp".into(), "y.tmp".into(), format!(".z.{}-0.tmp", std::os::unix::process::parent_id())];
         for name in [&format!(".x.csv.{gone}-3.tmp")].into_iter().chain(&kept) {
             fs::write(dir.path().join(name), "").unwrap();
         }
         sweep(dir.path()).unwrap();
-        assert_eq!(
-            names(dir.path()).len(),
-            kept.len(),
-            "{:?}",
-            names(dir.path())
-        );
+        assert_eq!(names(dir.path()).len(), kept.len(), "{:?}", names(dir.path()));
     }
 }

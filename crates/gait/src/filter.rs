@@ -25,10 +25,7 @@ impl LowPass {
     /// A filter with time constant `τ` ≥ 0; 0 passes the signal unchanged.
     #[must_use]
     pub const fn new(time_constant_s: f64) -> Self {
-        Self {
-            time_constant_s,
-            value: None,
-        }
+        Self { time_constant_s, value: None }
     }
 
     /// Feeds one sample taken `dt_s` > 0 after the last and returns the filtered value.

@@ -35,9 +35,7 @@ pub enum GaitError {
         requirement: &'static str,
     },
     /// The robot lacks a joint that the gait moves.
-    #[error(
-        "robot.{side}: names no {joint}; the gait moves it in each leg (hip_yaw and ankle_roll may be left out)"
-    )]
+    #[error("robot.{side}: names no {joint}; the gait moves it in each leg (hip_yaw and ankle_roll may be left out)")]
     NoJoint {
         /// `left` or `right`.
         side: &'static str,

@@ -18,21 +18,9 @@ pub(crate) const COUNT: usize = 9;
 /// The modulations of a gait with this configuration, on a robot with ankle rolls or without.
 pub(crate) fn modulations(config: &GaitConfig, ankle_rolls: bool) -> [Modulation; COUNT] {
     let ankle_roll_deg = if ankle_rolls { 20.0 } else { 0.0 };
-    let m = |name, neutral, lower, upper, about| Modulation {
-        name,
-        neutral,
-        lower,
-        upper,
-        about,
-    };
+    let m = |name, neutral, lower, upper, about| Modulation { name, neutral, lower, upper, about };
     [
-        m(
-            "step_amplitude_deg",
-            0.0,
-            -20.0,
-            20.0,
-            "A_step: added to the pitch amplitude [MA09, eq. (26)]",
-        ),
+        m("step_amplitude_deg", 0.0, -20.0, 20.0, "A_step: added to the pitch amplitude [MA09, eq. (26)]"),
         m(
             "walk_amplitude_deg",
             config.amplitude_deg.walk,
@@ -68,26 +56,8 @@ pub(crate) fn modulations(config: &GaitConfig, ankle_rolls: bool) -> [Modulation
             50.0,
             "omega_c: natural frequency of the oscillators [MA09, eq. (2)]",
         ),
-        m(
-            "hip_lean_deg",
-            0.0,
-            -20.0,
-            20.0,
-            "added to the hips' rest pitch; + leans the torso forward",
-        ),
-        m(
-            "ankle_lean_deg",
-            0.0,
-            -15.0,
-            15.0,
-            "added to the ankles' rest pitch; + leans the whole body forward",
-        ),
-        m(
-            "crouch_deg",
-            0.0,
-            -30.0,
-            30.0,
-            "added to hip and ankle, twice taken from the knee; - straightens the legs",
-        ),
+        m("hip_lean_deg", 0.0, -20.0, 20.0, "added to the hips' rest pitch; + leans the torso forward"),
+        m("ankle_lean_deg", 0.0, -15.0, 15.0, "added to the ankles' rest pitch; + leans the whole body forward"),
+        m("crouch_deg", 0.0, -30.0, 30.0, "added to hip and ankle, twice taken from the knee; - straightens the legs"),
     ]
 }

@@ -7,8 +7,7 @@ use stridemap_robot::{JointTargets, LegJoint, LegRole, RobotDescription, RobotSt
 
 use crate::gait::{Gait, GaitError, Modulation};
 use crate::modulations::{
-    ANKLE_LEAN, ANKLE_ROLL_STEP, COUNT, CROUCH, FREQUENCY, HIP_LEAN, PITCH, ROLL, STEP, WALK,
-    modulations,
+    ANKLE_LEAN, ANKLE_ROLL_STEP, COUNT, CROUCH, FREQUENCY, HIP_LEAN, PITCH, ROLL, STEP, WALK, modulations,
 };
 use crate::phase::{PhaseConfig, PhaseDetector, PhaseSource};
 use crate::targets::{Amplitudes, Phases, joint_offsets};
@@ -82,16 +81,8 @@ impl Default for GaitConfig {
             natural_frequency_rad_s: 3.5,
             coupling_rad_s: 10.0,
             coupling_delay_s: 0.0,
-            amplitude_deg: AmplitudeConfig {
-                hip_roll: 4.0,
-                ankle_roll: 4.0,
-                pitch: 6.0,
-                walk: 0.0,
-            },
-            ramp_s: RampConfig {
-                roll: [0.0, 1.0],
-                pitch: [1.0, 4.0],
-            },
+            amplitude_deg: AmplitudeConfig { hip_roll: 4.0, ankle_roll: 4.0, pitch: 6.0, walk: 0.0 },
+            ramp_s: RampConfig { roll: [0.0, 1.0], pitch: [1.0, 4.0] },
             phase: PhaseConfig {
                 source: PhaseSource::CentreOfPressure,
                 position_filter_s: 0.05,
@@ -113,31 +104,12 @@ impl GaitConfig {
             if value.is_finite() && range.contains(&value) {
                 Ok(())
             } else {
-                Err(GaitError::Parameter {
-                    name,
-                    value,
-                    requirement,
-                })
+                Err(GaitError::Parameter { name, value, requirement })
             }
         };
-        within(
-            "natural_frequency_rad_s",
-            self.natural_frequency_rad_s,
-            0.1..=50.0,
-            "must be 0.1 to 50 rad/s",
-        )?;
-        within(
-            "coupling_rad_s",
-            self.coupling_rad_s,
-            0.0..=200.0,
-            "must be 0 to 200 rad/s",
-        )?;
-        within(
-            "coupling_delay_s",
-            self.coupling_delay_s,
-            0.0..=60.0,
-            "must be 0 to 60 s",
-        )?;
+        within("natural_frequency_rad_s", self.natural_frequency_rad_s, 0.1..=50.0, "must be 0.1 to 50 rad/s")?;
+        within("coupling_rad_s", self.coupling_rad_s, 0.0..=200.0, "must be 0 to 200 rad/s")?;
+        within("coupling_delay_s", self.coupling_delay_s, 0.0..=60.0, "must be 0 to 60 s")?;
         let a = self.amplitude_deg;
         for (name, value) in [
             ("amplitude_deg.hip_roll", a.hip_roll),
@@ -146,23 +118,10 @@ impl GaitConfig {
         ] {
             within(name, value, 0.0..=30.0, "must be 0 to 30 deg")?;
         }
-        within(
-            "amplitude_deg.walk",
-            a.walk,
-            -30.0..=30.0,
-            "must be -30 to 30 deg",
-        )?;
-        for (name, [begin, end]) in [
-            ("ramp_s.roll", self.ramp_s.roll),
-            ("ramp_s.pitch", self.ramp_s.pitch),
-        ] {
+        within("amplitude_deg.walk", a.walk, -30.0..=30.0, "must be -30 to 30 deg")?;
+        for (name, [begin, end]) in [("ramp_s.roll", self.ramp_s.roll), ("ramp_s.pitch", self.ramp_s.pitch)] {
             within(name, begin, 0.0..=60.0, "must begin at 0 to 60 s")?;
-            within(
-                name,
-                end,
-                begin..=60.0,
-                "must end after it begins, within 60 s",
-            )?;
+            within(name, end, begin..=60.0, "must end after it begins, within 60 s")?;
         }
         self.phase.validate()
     }
@@ -203,9 +162,7 @@ impl OscillatorGait {
             return Err(GaitError::NoJoint { side, joint });
         }
         let legs: Vec<_> = robot.legs.roles().collect();
-        let ankle_rolls = legs
-            .iter()
-            .any(|(_, joint, _)| *joint == LegJoint::AnkleRoll);
+        let ankle_rolls = legs.iter().any(|(_, joint, _)| *joint == LegJoint::AnkleRoll);
         let modulations = modulations(&config, ankle_rolls);
         let values = std::array::from_fn(|i| modulations[i].neutral);
         Ok(Self {
@@ -229,23 +186,15 @@ impl OscillatorGait {
     /// Amplitudes now: nominal, modulated and ramped.
     fn amplitudes(&self) -> Amplitudes {
         let ramp = |[begin, end]: [f64; 2]| {
-            if self.time_s >= end {
-                1.0
-            } else {
-                ((self.time_s - begin) / (end - begin)).max(0.0)
-            }
+            if self.time_s >= end { 1.0 } else { ((self.time_s - begin) / (end - begin)).max(0.0) }
         };
-        let (roll_ramp, pitch_ramp) = (
-            ramp(self.config.ramp_s.roll),
-            ramp(self.config.ramp_s.pitch),
-        );
+        let (roll_ramp, pitch_ramp) = (ramp(self.config.ramp_s.roll), ramp(self.config.ramp_s.pitch));
         let nominal = self.config.amplitude_deg;
         let hip_roll_deg = self.values[ROLL];
         let ankle_roll_deg = hip_roll_deg + (nominal.ankle_roll - nominal.hip_roll);
         Amplitudes {
             hip_roll_rad: (roll_ramp * hip_roll_deg).to_radians(),
-            ankle_roll_rad: (roll_ramp * (ankle_roll_deg + self.values[ANKLE_ROLL_STEP]))
-                .to_radians(),
+            ankle_roll_rad: (roll_ramp * (ankle_roll_deg + self.values[ANKLE_ROLL_STEP])).to_radians(),
             pitch_rad: (pitch_ramp * (self.values[PITCH] + self.values[STEP])).to_radians(),
             walk_rad: (pitch_ramp * self.values[WALK]).to_radians(),
         }
@@ -269,20 +218,9 @@ impl Gait for OscillatorGait {
     }
 
     fn modulate(&mut self, index: usize, value: f64) -> Result<(), GaitError> {
-        let m = self
-            .modulations
-            .get(index)
-            .ok_or(GaitError::NoSuchModulation {
-                index,
-                count: COUNT,
-            })?;
+        let m = self.modulations.get(index).ok_or(GaitError::NoSuchModulation { index, count: COUNT })?;
         if !(m.lower..=m.upper).contains(&value) {
-            return Err(GaitError::ModulationOutOfRange {
-                name: m.name,
-                value,
-                lower: m.lower,
-                upper: m.upper,
-            });
+            return Err(GaitError::ModulationOutOfRange { name: m.name, value, lower: m.lower, upper: m.upper });
         }
         self.values[index] = value;
         Ok(())
@@ -290,11 +228,7 @@ impl Gait for OscillatorGait {
 
     fn targets(&mut self, state: &RobotState, dt_s: f64, out: &mut JointTargets) {
         let phi = self.detector.update(state, dt_s);
-        let k_c = if self.time_s < self.config.coupling_delay_s {
-            0.0
-        } else {
-            self.config.coupling_rad_s
-        };
+        let k_c = if self.time_s < self.config.coupling_delay_s { 0.0 } else { self.config.coupling_rad_s };
         let omega_c = self.values[FREQUENCY];
         for (phi_c, phi_d) in self.phases_rad.iter_mut().zip(DESIRED_PHASE_RAD) {
             *phi_c += (omega_c + k_c * (phi - *phi_c + phi_d).sin()) * dt_s;
@@ -357,11 +291,7 @@ mod tests {
                 LegRole { joint, sign }
             })
         });
-        RobotDescription {
-            joints,
-            legs,
-            ..RobotDescription::default()
-        }
+        RobotDescription { joints, legs, ..RobotDescription::default() }
     }
 
     fn gait(config: GaitConfig) -> OscillatorGait {
@@ -375,10 +305,7 @@ mod tests {
     }
 
     fn weight_at(cop_right_m: f64) -> RobotState {
-        let mut state = RobotState {
-            cop_m: Some([0.0, -cop_right_m]),
-            ..Default::default()
-        };
+        let mut state = RobotState { cop_m: Some([0.0, -cop_right_m]), ..Default::default() };
         for side in Side::BOTH {
             state.feet[side.index()].centre_m[1] = 0.09 * side.lateral_sign();
         }
@@ -415,10 +342,7 @@ mod tests {
         assert_eq!(first.joints[0], gait.rest().joints[0], "the arm is held");
         for (now, rest) in first.joints.iter().zip(&gait.rest().joints) {
             let from_rest = now.position_rad - rest.position_rad;
-            assert!(
-                from_rest.abs() < 0.002 * 4_f64.to_radians() * 1.001,
-                "{from_rest}"
-            );
+            assert!(from_rest.abs() < 0.002 * 4_f64.to_radians() * 1.001, "{from_rest}");
         }
         gait.time_s = gait.start_up_s();
         let full = gait.amplitudes();
@@ -439,19 +363,13 @@ mod tests {
         gait.modulate(ANKLE_LEAN, 2.0).unwrap();
         gait.modulate(CROUCH, -10.0).unwrap();
         let t = targets(&mut gait, &weight_at(0.0), 1e-9);
-        let hip_plus_knee_plus_ankle: f64 =
-            [LegJoint::HipPitch, LegJoint::Knee, LegJoint::AnklePitch]
-                .iter()
-                .map(|&j| t.joints[j.index()].position_rad)
-                .sum();
+        let hip_plus_knee_plus_ankle: f64 = [LegJoint::HipPitch, LegJoint::Knee, LegJoint::AnklePitch]
+            .iter()
+            .map(|&j| t.joints[j.index()].position_rad)
+            .sum();
         assert!((hip_plus_knee_plus_ankle - 2_f64.to_radians()).abs() < 1e-12);
         gait.reset();
-        assert!(
-            gait.values
-                .iter()
-                .zip(gait.modulations())
-                .all(|(v, m)| (v - m.neutral).abs() < 1e-15)
-        );
+        assert!(gait.values.iter().zip(gait.modulations()).all(|(v, m)| (v - m.neutral).abs() < 1e-15));
     }
 
     /// A hip yaw is held, an ankle roll may be missing, and nothing else changes but signs.
@@ -482,14 +400,8 @@ mod tests {
         let mut gait = gait(GaitConfig::default());
         assert!(matches!(
             gait.modulate(STEP, f64::NAN),
-            Err(GaitError::ModulationOutOfRange {
-                name: "step_amplitude_deg",
-                ..
-            })
+            Err(GaitError::ModulationOutOfRange { name: "step_amplitude_deg", .. })
         ));
-        assert!(matches!(
-            gait.modulate(99, 0.0),
-            Err(GaitError::NoSuchModulation { .. })
-        ));
+        assert!(matches!(gait.modulate(99, 0.0), Err(GaitError::NoSuchModulation { .. })));
     }
 }

@@ -38,25 +38,16 @@ impl PhaseConfig {
     ///
     /// [`GaitError::Parameter`] that names the key at fault.
     pub fn validate(&self) -> Result<(), GaitError> {
-        for (name, value) in [
-            ("phase.position_filter_s", self.position_filter_s),
-            ("phase.velocity_filter_s", self.velocity_filter_s),
-        ] {
+        for (name, value) in
+            [("phase.position_filter_s", self.position_filter_s), ("phase.velocity_filter_s", self.velocity_filter_s)]
+        {
             if !(value.is_finite() && (0.0..=1.0).contains(&value)) {
-                return Err(GaitError::Parameter {
-                    name,
-                    value,
-                    requirement: "must be 0 to 1 s",
-                });
+                return Err(GaitError::Parameter { name, value, requirement: "must be 0 to 1 s" });
             }
         }
         let value = self.half_stance_m;
         if !(value.is_finite() && value > 0.0) {
-            return Err(GaitError::Parameter {
-                name: "phase.half_stance_m",
-                value,
-                requirement: "must be positive",
-            });
+            return Err(GaitError::Parameter { name: "phase.half_stance_m", value, requirement: "must be positive" });
         }
         Ok(())
     }
@@ -115,10 +106,7 @@ impl PhaseDetector {
         match self.config.source {
             PhaseSource::CentreOfPressure => {
                 let cop_m = state.cop_m?;
-                let [left, right] = [
-                    state.foot(Side::Left).centre_m,
-                    state.foot(Side::Right).centre_m,
-                ];
+                let [left, right] = [state.foot(Side::Left).centre_m, state.foot(Side::Right).centre_m];
                 let (sin, cos) = state.base.heading_rad().sin_cos();
                 let offset_x_m = cop_m[0] - 0.5 * (left[0] + right[0]);
                 let offset_y_m = cop_m[1] - 0.5 * (left[1] + right[1]);
@@ -147,12 +135,7 @@ mod tests {
     fn standing(cop_right_m: f64, heading_rad: f64) -> RobotState {
         let mut state = RobotState::default();
         let (sin, cos) = heading_rad.sin_cos();
-        state.base.orientation = [
-            (heading_rad / 2.0).cos(),
-            0.0,
-            0.0,
-            (heading_rad / 2.0).sin(),
-        ];
+        state.base.orientation = [(heading_rad / 2.0).cos(), 0.0, 0.0, (heading_rad / 2.0).sin()];
         for side in Side::BOTH {
             let y_m = 0.1 * side.lateral_sign();
             state.feet[side.index()].centre_m = [2.0 - sin * y_m, 1.0 + cos * y_m, 0.0];

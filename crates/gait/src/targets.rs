@@ -79,18 +79,11 @@ mod tests {
     #[test]
     fn the_foot_stays_parallel_to_the_floor() {
         let phases = [0.3, 1.1, 2.0, 4.0];
-        let amplitudes = Amplitudes {
-            hip_roll_rad: 0.1,
-            ankle_roll_rad: 0.1,
-            pitch_rad: 0.2,
-            walk_rad: 0.15,
-        };
+        let amplitudes = Amplitudes { hip_roll_rad: 0.1, ankle_roll_rad: 0.1, pitch_rad: 0.2, walk_rad: 0.15 };
         let offset = joint_offsets(&phases, &amplitudes);
         for side in Side::BOTH {
-            let pitch: f64 = [LegJoint::HipPitch, LegJoint::Knee, LegJoint::AnklePitch]
-                .iter()
-                .map(|&j| offset[(side, j)])
-                .sum();
+            let pitch: f64 =
+                [LegJoint::HipPitch, LegJoint::Knee, LegJoint::AnklePitch].iter().map(|&j| offset[(side, j)]).sum();
             let roll = offset[(side, LegJoint::HipRoll)] + offset[(side, LegJoint::AnkleRoll)];
             assert!(pitch.abs() < 1e-15 && roll.abs() < 1e-15);
         }
@@ -101,27 +94,14 @@ mod tests {
     fn legs_are_half_a_period_apart() {
         use std::f64::consts::{FRAC_PI_2, PI};
         let at = |phi: f64| [phi, phi + FRAC_PI_2, phi + PI, phi + 3.0 * FRAC_PI_2];
-        let amplitudes = Amplitudes {
-            hip_roll_rad: 0.1,
-            ankle_roll_rad: 0.2,
-            pitch_rad: 0.3,
-            walk_rad: 0.4,
-        };
-        let (now, later) = (
-            joint_offsets(&at(0.7), &amplitudes),
-            joint_offsets(&at(0.7 + PI), &amplitudes),
-        );
+        let amplitudes = Amplitudes { hip_roll_rad: 0.1, ankle_roll_rad: 0.2, pitch_rad: 0.3, walk_rad: 0.4 };
+        let (now, later) = (joint_offsets(&at(0.7), &amplitudes), joint_offsets(&at(0.7 + PI), &amplitudes));
         for joint in LEG_JOINTS {
             let mirrored = match joint {
-                LegJoint::HipYaw | LegJoint::HipRoll | LegJoint::AnkleRoll => {
-                    -later[(Side::Left, joint)]
-                }
+                LegJoint::HipYaw | LegJoint::HipRoll | LegJoint::AnkleRoll => -later[(Side::Left, joint)],
                 _ => later[(Side::Left, joint)],
             };
-            assert!(
-                (now[(Side::Right, joint)] - mirrored).abs() < 1e-12,
-                "{joint:?}"
-            );
+            assert!((now[(Side::Right, joint)] - mirrored).abs() < 1e-12, "{joint:?}");
         }
     }
 }

@@ -8,10 +8,7 @@
 //! at N = 20 and 250 ns at N = 100; evidence and gradient 3.5 us, 90 us and 3.65 ms at N = 20, 100
 //! and 500, by LAPACK.
 
-#![allow(
-    missing_docs,
-    reason = "criterion's macros make undocumented functions"
-)]
+#![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 #![allow(clippy::unwrap_used, reason = "a benchmark may stop where it stands")]
 
 use std::hint::black_box;
@@ -20,28 +17,21 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_gp::{
-    Draw, FitOptions, Gp, Hyperparameters, Kernel, LogMarginalLikelihood, Mean, MultiGp, Points,
-    Scratch,
+    Draw, FitOptions, Gp, Hyperparameters, Kernel, LogMarginalLikelihood, Mean, MultiGp, Points, Scratch,
 };
 
 /// `(N, D)` of the tables.
 const SIZES: [(usize, usize); 3] = [(20, 2), (100, 4), (500, 2)];
 
 fn data(n: usize, dims: usize) -> (Vec<f64>, Vec<f64>) {
-    let x: Vec<f64> = (0..n * dims)
-        .map(|i| ((i * i * 5 + i) as f64).sin())
-        .collect();
+    let x: Vec<f64> = (0..n * dims).map(|i| ((i * i * 5 + i) as f64).sin()).collect();
     let y = x.chunks_exact(dims).enumerate();
     let y = y.map(|(i, x)| (2.0 * x[0]).sin() + x[1] * x[1] + 0.1 * (37.0 * i as f64).sin());
     (x.clone(), y.collect())
 }
 
 fn hyperparameters(dims: usize) -> Hyperparameters {
-    Hyperparameters {
-        length_scales: vec![0.8; dims],
-        signal_variance: 1.0,
-        noise_variance: 0.01,
-    }
+    Hyperparameters { length_scales: vec![0.8; dims], signal_variance: 1.0, noise_variance: 0.01 }
 }
 
 fn model(n: usize, dims: usize) -> Gp {
@@ -51,17 +41,11 @@ fn model(n: usize, dims: usize) -> Gp {
     Gp::condition(points, &y, kernel, Mean::Zero, hyperparameters(dims)).unwrap()
 }
 
-fn each(
-    criterion: &mut Criterion,
-    name: &str,
-    mut body: impl FnMut(&mut criterion::Bencher, usize, usize),
-) {
+fn each(criterion: &mut Criterion, name: &str, mut body: impl FnMut(&mut criterion::Bencher, usize, usize)) {
     let mut group = criterion.benchmark_group(name);
     group.sample_size(20);
     for (n, dims) in SIZES {
-        group.bench_function(BenchmarkId::from_parameter(n), |bencher| {
-            body(bencher, n, dims)
-        });
+        group.bench_function(BenchmarkId::from_parameter(n), |bencher| body(bencher, n, dims));
     }
     group.finish();
 }
@@ -79,10 +63,7 @@ fn benches(criterion: &mut Criterion) {
         let (x, y) = data(n, dims);
         let points = Points::new(&x, dims).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let options = FitOptions {
-            starts: 1,
-            ..FitOptions::default()
-        };
+        let options = FitOptions { starts: 1, ..FitOptions::default() };
         bencher.iter(|| Gp::fit(points, &y, &options, &mut rng).unwrap());
     });
     each(criterion, "predict one", |bencher, n, dims| {
@@ -96,10 +77,7 @@ fn benches(criterion: &mut Criterion) {
         let (queries, _) = data(1000, dims);
         let queries = Points::new(&queries, dims).unwrap();
         let (mut mean, mut variance) = (vec![0.0; 1000], vec![0.0; 1000]);
-        bencher.iter(|| {
-            gp.predict_batch(queries, &mut mean, &mut variance, &mut scratch)
-                .unwrap()
-        });
+        bencher.iter(|| gp.predict_batch(queries, &mut mean, &mut variance, &mut scratch).unwrap());
     });
     each(criterion, "imagined stride", |bencher, n, dims| {
         // One output at N = 20, three elsewhere; each stride starts where the last one ended.
@@ -108,8 +86,7 @@ fn benches(criterion: &mut Criterion) {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let (mut input, mut next) = (vec![0.1; dims], vec![0.0; outputs]);
         bencher.iter(|| {
-            map.sample_into(&input, Draw::Latent, &mut rng, &mut next)
-                .unwrap();
+            map.sample_into(&input, Draw::Latent, &mut rng, &mut next).unwrap();
             input[0] = next[0].clamp(-1.0, 1.0);
         });
     });

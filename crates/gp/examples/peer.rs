@@ -8,10 +8,7 @@
 //! Both files have columns `x0, x1, …, y` and no header. Zero mean, squared-exponential kernel with
 //! one length scale an input, one start (length scales 1, signal variance 1, noise variance 0.1).
 
-#![allow(
-    clippy::print_stdout,
-    reason = "an example's answer goes to standard output"
-)]
+#![allow(clippy::print_stdout, reason = "an example's answer goes to standard output")]
 
 use std::error::Error;
 use std::hint::black_box;
@@ -20,9 +17,7 @@ use cpu_time::ProcessTime;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde_json::json;
-use stridemap_gp::{
-    Bounds, FitOptions, Gp, Hyperparameters, Points, Range, Scratch, SparseGp, SparseOptions,
-};
+use stridemap_gp::{Bounds, FitOptions, Gp, Hyperparameters, Points, Range, Scratch, SparseGp, SparseOptions};
 
 type Failure = Box<dyn Error>;
 
@@ -67,11 +62,7 @@ fn read(path: &str) -> Result<(Vec<f64>, Vec<f64>, usize), Failure> {
 /// The start and the bounds that all peers have.
 fn options(dims: usize) -> FitOptions {
     FitOptions {
-        start: Some(Hyperparameters {
-            length_scales: vec![1.0; dims],
-            signal_variance: 1.0,
-            noise_variance: 0.1,
-        }),
+        start: Some(Hyperparameters { length_scales: vec![1.0; dims], signal_variance: 1.0, noise_variance: 0.1 }),
         bounds: Bounds {
             length_scales: Some(vec![Range::new(1e-2, 1e3); dims]),
             signal_variance: Some(Range::new(6.2e-6, 8e3)),
@@ -132,39 +123,18 @@ fn exact(x: &[f64], y: &[f64], dims: usize, queries: &[f64]) -> Result<serde_jso
     }))
 }
 
-fn sparse(
-    x: &[f64],
-    y: &[f64],
-    dims: usize,
-    queries: &[f64],
-    inducing: usize,
-) -> Result<serde_json::Value, Failure> {
+fn sparse(x: &[f64], y: &[f64], dims: usize, queries: &[f64], inducing: usize) -> Result<serde_json::Value, Failure> {
     let points = Points::new(x, dims)?;
     let queries = Points::new(queries, dims)?;
-    let options = SparseOptions {
-        fit: options(dims),
-        inducing,
-        ..SparseOptions::default()
-    };
-    let options = SparseOptions {
-        fit: FitOptions {
-            tolerance_nats: 1e-2,
-            max_evaluations: 250,
-            ..options.fit
-        },
-        ..options
-    };
+    let options = SparseOptions { fit: options(dims), inducing, ..SparseOptions::default() };
+    let options =
+        SparseOptions { fit: FitOptions { tolerance_nats: 1e-2, max_evaluations: 250, ..options.fit }, ..options };
     let mut times = Vec::new();
     let mut fitted = None;
     // Five fits; fewer where one takes more than ten seconds.
     while times.len() < 5 && times.iter().sum::<f64>() < 50.0 {
         let begin = ProcessTime::now();
-        fitted = Some(SparseGp::fit(
-            points,
-            y,
-            &options,
-            &mut ChaCha8Rng::seed_from_u64(1),
-        )?);
+        fitted = Some(SparseGp::fit(points, y, &options, &mut ChaCha8Rng::seed_from_u64(1))?);
         times.push(begin.elapsed().as_secs_f64());
     }
     let gp = fitted.ok_or("no fit")?;

@@ -8,10 +8,7 @@
 //! `v₀ = 1`, `v₁ = 0.01`, `v_k = 1` as in the paper; columns: `z`, target, mean, standard deviation
 //! of the latent function. The standard deviation is large where no data were drawn.
 
-#![allow(
-    clippy::print_stdout,
-    reason = "an example's answer goes to standard output"
-)]
+#![allow(clippy::print_stdout, reason = "an example's answer goes to standard output")]
 
 use std::f64::consts::TAU;
 
@@ -26,29 +23,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let noise = Normal::new(0.0, 0.01_f64.sqrt())?;
     let z: Vec<f64> = (0..10).map(|_| rng.random_range(0.0..TAU)).collect();
     let y: Vec<f64> = z.iter().map(|z| z.sin() + noise.sample(&mut rng)).collect();
-    let hyperparameters = Hyperparameters {
-        length_scales: vec![1.0],
-        signal_variance: 1.0,
-        noise_variance: 0.01,
-    };
+    let hyperparameters = Hyperparameters { length_scales: vec![1.0], signal_variance: 1.0, noise_variance: 0.01 };
     let points = Points::new(&z, 1)?;
-    let gp = Gp::condition(
-        points,
-        &y,
-        Kernel::SquaredExponential,
-        Mean::Zero,
-        hyperparameters,
-    )?;
+    let gp = Gp::condition(points, &y, Kernel::SquaredExponential, Mean::Zero, hyperparameters)?;
     println!("z,target,mean,std");
     for i in 0..=100 {
         let z = TAU * f64::from(i) / 100.0;
         let at = gp.predict(&[z])?;
-        println!(
-            "{z:.4},{:.4},{:.4},{:.4}",
-            z.sin(),
-            at.mean,
-            at.latent_variance.sqrt()
-        );
+        println!("{z:.4},{:.4},{:.4},{:.4}", z.sin(), at.mean, at.latent_variance.sqrt());
     }
     Ok(())
 }

@@ -5,10 +5,7 @@
 //! cargo run --release -p stridemap-gp --example stride
 //! ```
 
-#![allow(
-    clippy::print_stdout,
-    reason = "an example's answer goes to standard output"
-)]
+#![allow(clippy::print_stdout, reason = "an example's answer goes to standard output")]
 
 use cpu_time::ProcessTime;
 use rand_chacha::ChaCha8Rng;
@@ -49,34 +46,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn map(n: usize, dims: usize, outputs: usize) -> Result<MultiGp, Box<dyn std::error::Error>> {
-    let x: Vec<f64> = (0..n * dims)
-        .map(|i| ((i * i * 5 + i) as f64).sin())
-        .collect();
+    let x: Vec<f64> = (0..n * dims).map(|i| ((i * i * 5 + i) as f64).sin()).collect();
     let points = Points::new(&x, dims)?;
     let models: Result<Vec<Gp>, _> = (0..outputs)
         .map(|e| {
             let y: Vec<f64> = points
                 .rows()
-                .map(|x| {
-                    x.iter()
-                        .enumerate()
-                        .map(|(d, x)| x * (d + e) as f64)
-                        .sum::<f64>()
-                        .sin()
-                })
+                .map(|x| x.iter().enumerate().map(|(d, x)| x * (d + e) as f64).sum::<f64>().sin())
                 .collect();
-            let hyperparameters = Hyperparameters {
-                length_scales: vec![0.8; dims],
-                signal_variance: 1.0,
-                noise_variance: 0.01,
-            };
-            Gp::condition(
-                points,
-                &y,
-                Kernel::SquaredExponential,
-                Mean::Zero,
-                hyperparameters,
-            )
+            let hyperparameters =
+                Hyperparameters { length_scales: vec![0.8; dims], signal_variance: 1.0, noise_variance: 0.01 };
+            Gp::condition(points, &y, Kernel::SquaredExponential, Mean::Zero, hyperparameters)
         })
         .collect();
     Ok(MultiGp::from_models(models?)?)

@@ -80,39 +80,25 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFewPoints { points, parameters } => {
-                write!(
-                    f,
-                    "{points} points are few for {parameters} hyperparameters"
-                )
+                write!(f, "{points} points are few for {parameters} hyperparameters")
             }
             Self::ConstantOutputs => write!(f, "all targets are equal"),
             Self::ConstantInput { dimension } => write!(f, "input {dimension} never changes"),
             Self::RepeatedInputs { points } => write!(f, "{points} points repeat an earlier one"),
-            Self::AtBound {
-                parameter,
-                value,
-                upper,
-            } => {
+            Self::AtBound { parameter, value, upper } => {
                 let end = if *upper { "upper" } else { "lower" };
                 write!(f, "{parameter} = {value:.3e} is at its {end} bound")
             }
             Self::NotConverged { stop } => write!(f, "the search did not converge: {stop:?}"),
             Self::IllConditioned { condition_number } => {
-                write!(
-                    f,
-                    "condition number {condition_number:.1e}: predictions lose digits"
-                )
+                write!(f, "condition number {condition_number:.1e}: predictions lose digits")
             }
-            Self::Miscalibrated {
-                mean_square_standardized,
-            } => write!(
-                f,
-                "squared leave-one-out residuals are {mean_square_standardized:.2} times their variance"
-            ),
-            Self::AllNoise => write!(
-                f,
-                "points that are left out are predicted no better than by the mean: the fit is all noise"
-            ),
+            Self::Miscalibrated { mean_square_standardized } => {
+                write!(f, "squared leave-one-out residuals are {mean_square_standardized:.2} times their variance")
+            }
+            Self::AllNoise => {
+                write!(f, "points that are left out are predicted no better than by the mean: the fit is all noise")
+            }
             Self::LeaveOneOutUndetermined => {
                 write!(f, "without one of the points the mean is not determined")
             }
@@ -150,29 +136,17 @@ pub struct Card {
 impl fmt::Display for Card {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let h = &self.hyperparameters;
-        writeln!(
-            f,
-            "{} points, {} inputs, {:?}, mean {:?}",
-            self.points, self.dims, self.kernel, self.mean
-        )?;
+        writeln!(f, "{} points, {} inputs, {:?}, mean {:?}", self.points, self.dims, self.kernel, self.mean)?;
         writeln!(f, "length scales            {:.4?}", h.length_scales)?;
         writeln!(f, "signal variance          {:.6e}", h.signal_variance)?;
         writeln!(f, "noise variance           {:.6e}", h.noise_variance)?;
         if !self.mean_coefficients.is_empty() {
             writeln!(f, "mean coefficients        {:.4?}", self.mean_coefficients)?;
         }
-        writeln!(
-            f,
-            "log marginal likelihood  {:.3} nat",
-            self.log_marginal_likelihood
-        )?;
+        writeln!(f, "log marginal likelihood  {:.3} nat", self.log_marginal_likelihood)?;
         if let Some(loo) = &self.leave_one_out {
             writeln!(f, "leave-one-out rmse       {:.6e}", loo.rmse)?;
-            writeln!(
-                f,
-                "leave-one-out density    {:.3} nat a point",
-                loo.mean_log_density
-            )?;
+            writeln!(f, "leave-one-out density    {:.3} nat a point", loo.mean_log_density)?;
             let (half, most) = (100.0 * loo.coverage_50, 100.0 * loo.coverage_90);
             writeln!(f, "coverage of 50 %, 90 %   {half:.0} %, {most:.0} %")?;
         }
@@ -212,10 +186,7 @@ impl Gp {
         let mut warnings = Vec::new();
         let parameters = 2 + self.dims;
         if self.y.len() < POINTS_PER_PARAMETER * parameters {
-            warnings.push(Warning::TooFewPoints {
-                points: self.y.len(),
-                parameters,
-            });
+            warnings.push(Warning::TooFewPoints { points: self.y.len(), parameters });
         }
         let spread_of_y = spread(&self.y);
         if spread_of_y <= 0.0 {
@@ -236,19 +207,13 @@ impl Gp {
         }
         match &leave_one_out {
             None => warnings.push(Warning::LeaveOneOutUndetermined),
-            Some(LeaveOneOutScores {
-                mean_square_standardized,
-                rmse,
-                ..
-            }) => {
+            Some(LeaveOneOutScores { mean_square_standardized, rmse, .. }) => {
                 if spread_of_y > 0.0 && *rmse >= spread_of_y {
                     warnings.push(Warning::AllNoise);
                 }
                 if !(HONEST.0..=HONEST.1).contains(mean_square_standardized) {
                     let mean_square_standardized = *mean_square_standardized;
-                    warnings.push(Warning::Miscalibrated {
-                        mean_square_standardized,
-                    });
+                    warnings.push(Warning::Miscalibrated { mean_square_standardized });
                 }
             }
         }
@@ -282,11 +247,7 @@ impl Gp {
                     1 => "noise_variance".to_owned(),
                     _ => format!("length_scales[{}]", p - 2),
                 };
-                warnings.push(Warning::AtBound {
-                    parameter,
-                    value,
-                    upper: at_upper,
-                });
+                warnings.push(Warning::AtBound { parameter, value, upper: at_upper });
             }
         }
         let stop = report.best_start().stop;
@@ -298,16 +259,10 @@ impl Gp {
     fn repeated_inputs(&self) -> usize {
         let mut rows: Vec<&[f64]> = self.x.chunks_exact(self.dims).collect();
         let order = |a: &&[f64], b: &&[f64]| {
-            a.iter()
-                .zip(*b)
-                .map(|(a, b)| a.total_cmp(b))
-                .find(|o| o.is_ne())
-                .unwrap_or(std::cmp::Ordering::Equal)
+            a.iter().zip(*b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
         };
         rows.sort_by(|a, b| order(a, b));
-        rows.windows(2)
-            .filter(|pair| order(&pair[0], &pair[1]).is_eq())
-            .count()
+        rows.windows(2).filter(|pair| order(&pair[0], &pair[1]).is_eq()).count()
     }
 
     /// `‖K‖_∞ ‖K⁻¹‖₂`, the second by power iteration.
@@ -331,12 +286,9 @@ impl Gp {
         for i in 0..n {
             let mut sum = self.hyperparameters.noise_variance;
             for j in 0..n {
-                let squared: f64 = (0..self.dims)
-                    .map(|d| (self.z[d * stride + i] - self.z[d * stride + j]).powi(2))
-                    .sum();
-                sum += self
-                    .kernel
-                    .covariance(squared, self.hyperparameters.signal_variance);
+                let squared: f64 =
+                    (0..self.dims).map(|d| (self.z[d * stride + i] - self.z[d * stride + j]).powi(2)).sum();
+                sum += self.kernel.covariance(squared, self.hyperparameters.signal_variance);
             }
             largest = largest.max(sum);
         }

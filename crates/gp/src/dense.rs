@@ -21,28 +21,21 @@ impl DenseScratch {
     pub(crate) fn new(n: usize) -> Self {
         let factor = llt::factor::cholesky_in_place_scratch::<f64>(n, PAR, Default::default());
         let inverse = llt::inverse::inverse_scratch::<f64>(n, PAR);
-        Self {
-            memory: MemBuffer::new(factor.or(inverse)),
-        }
+        Self { memory: MemBuffer::new(factor.or(inverse)) }
     }
 }
 
 /// Replaces the lower triangle of `a` (`n × n`, column stride `stride`) by its Cholesky factor.
 ///
 /// `Err(row)` if the pivot of that row is not positive.
-pub(crate) fn cholesky(
-    a: &mut [f64],
-    n: usize,
-    stride: usize,
-    scratch: &mut DenseScratch,
-) -> Result<(), usize> {
+pub(crate) fn cholesky(a: &mut [f64], n: usize, stride: usize, scratch: &mut DenseScratch) -> Result<(), usize> {
     let matrix = MatMut::from_column_major_slice_with_stride_mut(a, n, n, stride);
     let stack = MemStack::new(&mut scratch.memory);
-    llt::factor::cholesky_in_place(matrix, Default::default(), PAR, stack, Default::default())
-        .map(|_| ())
-        .map_err(|error| match error {
+    llt::factor::cholesky_in_place(matrix, Default::default(), PAR, stack, Default::default()).map(|_| ()).map_err(
+        |error| match error {
             llt::factor::LltError::NonPositivePivot { index } => index,
-        })?;
+        },
+    )?;
     // The factorisation compares pivots with zero, which a NaN survives.
     match (0..n).find(|&i| !(a[i * stride + i] > 0.0 && a[i * stride + i].is_finite())) {
         None => Ok(()),
@@ -83,28 +76,11 @@ pub(crate) fn add_outer(c: &mut [f64], a: &[f64], n: usize, stride: usize, colum
     let c = MatMut::from_column_major_slice_with_stride_mut(c, n, n, stride);
     let whole = BlockStructure::Rectangular;
     let lower = BlockStructure::TriangularLower;
-    triangular::matmul(
-        c,
-        lower,
-        Accum::Add,
-        a,
-        whole,
-        a.transpose(),
-        whole,
-        1.0,
-        PAR,
-    );
+    triangular::matmul(c, lower, Accum::Add, a, whole, a.transpose(), whole, 1.0, PAR);
 }
 
 /// `C ← C + A Bᵀ` for `n × columns` `A` and `B`.
-pub(crate) fn add_product_transposed(
-    c: &mut [f64],
-    a: &[f64],
-    b: &[f64],
-    n: usize,
-    stride: usize,
-    columns: usize,
-) {
+pub(crate) fn add_product_transposed(c: &mut [f64], a: &[f64], b: &[f64], n: usize, stride: usize, columns: usize) {
     let a = MatRef::from_column_major_slice_with_stride(a, n, columns, stride);
     let b = MatRef::from_column_major_slice_with_stride(b, n, columns, stride);
     let c = MatMut::from_column_major_slice_with_stride_mut(c, n, n, stride);
@@ -112,15 +88,7 @@ pub(crate) fn add_product_transposed(
 }
 
 /// `C ← A B` (or `C + A B`) for `n × n` `A` and `n × columns` `B`.
-pub(crate) fn product(
-    c: &mut [f64],
-    a: &[f64],
-    b: &[f64],
-    n: usize,
-    stride: usize,
-    columns: usize,
-    add: bool,
-) {
+pub(crate) fn product(c: &mut [f64], a: &[f64], b: &[f64], n: usize, stride: usize, columns: usize, add: bool) {
     let a = MatRef::from_column_major_slice_with_stride(a, n, n, stride);
     let b = MatRef::from_column_major_slice_with_stride(b, n, columns, stride);
     let c = MatMut::from_column_major_slice_with_stride_mut(c, n, columns, stride);

@@ -164,36 +164,19 @@ pub(crate) fn check_positive(name: &'static str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 {
         Ok(())
     } else {
-        Err(GpError::Parameter {
-            name,
-            requirement: "positive and finite",
-            value,
-        })
+        Err(GpError::Parameter { name, requirement: "positive and finite", value })
     }
 }
 
 /// Requires two sizes to agree.
 pub(crate) fn check_len(what: &'static str, expected: usize, found: usize) -> Result<()> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(GpError::Shape {
-            what,
-            expected,
-            found,
-        })
-    }
+    if expected == found { Ok(()) } else { Err(GpError::Shape { what, expected, found }) }
 }
 
 /// Requires every entry of a row-major array with `columns` columns to be finite.
 pub(crate) fn check_finite(array: &'static str, values: &[f64], columns: usize) -> Result<()> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(()),
-        Some(at) => Err(GpError::NotFinite {
-            array,
-            row: at / columns,
-            column: at % columns,
-            value: values[at],
-        }),
+        Some(at) => Err(GpError::NotFinite { array, row: at / columns, column: at % columns, value: values[at] }),
     }
 }

@@ -15,8 +15,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::aligned::Aligned;
 use crate::dense::{
-    BackwardSolve, DenseScratch, ForwardSolve, cholesky, inverse_from_factor, small_cholesky,
-    small_forward,
+    BackwardSolve, DenseScratch, ForwardSolve, cholesky, inverse_from_factor, small_cholesky, small_forward,
 };
 use crate::kernel::{Kernel, Profile, with_profile};
 use crate::mean::{Frame, Mean};
@@ -73,14 +72,7 @@ pub(crate) struct Evidence {
 
 impl Evidence {
     /// Evidence of `y` at row-major inputs `x` in `frame`.
-    pub(crate) fn new(
-        x: &[f64],
-        dims: usize,
-        y: &[f64],
-        kernel: Kernel,
-        mean: Mean,
-        frame: &Frame,
-    ) -> Self {
+    pub(crate) fn new(x: &[f64], dims: usize, y: &[f64], kernel: Kernel, mean: Mean, frame: &Frame) -> Self {
         let n = y.len();
         let stride = padded(n);
         let coefficients = mean.coefficients(dims);
@@ -161,23 +153,14 @@ impl Evidence {
         if m > 0 {
             let reduced = self.fold_in_trend()?;
             quadratic -= reduced;
-            log_det_a = 2.0 * (0..m).map(|b| self.small[b * m + b].ln()).sum::<f64>()
-                + 2.0 * self.log_det_basis;
+            log_det_a = 2.0 * (0..m).map(|b| self.small[b * m + b].ln()).sum::<f64>() + 2.0 * self.log_det_basis;
         }
         self.quadratic = quadratic;
-        Ok(-0.5 * quadratic
-            - half_log_det
-            - 0.5 * log_det_a
-            - 0.5 * (n as f64 - m as f64) * LOG_2_PI)
+        Ok(-0.5 * quadratic - half_log_det - 0.5 * log_det_a - 0.5 * (n as f64 - m as f64) * LOG_2_PI)
     }
 
     fn forward_alpha(&mut self) {
-        self.arch.dispatch(ForwardSolve {
-            factor: &self.factor,
-            n: self.n,
-            stride: self.stride,
-            b: &mut self.alpha,
-        });
+        self.arch.dispatch(ForwardSolve { factor: &self.factor, n: self.n, stride: self.stride, b: &mut self.alpha });
     }
 
     /// Turns `trend` into `L⁻¹ H L_A⁻ᵀ`, `small` into `L_A`, takes the trend out of
@@ -186,20 +169,12 @@ impl Evidence {
         let (n, stride, m) = (self.n, self.stride, self.coefficients);
         self.trend.copy_from_slice(&self.basis);
         for column in self.trend.chunks_exact_mut(stride) {
-            self.arch.dispatch(ForwardSolve {
-                factor: &self.factor,
-                n,
-                stride,
-                b: column,
-            });
+            self.arch.dispatch(ForwardSolve { factor: &self.factor, n, stride, b: column });
         }
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         for a in 0..m {
             for b in 0..=a {
-                let value = dot(
-                    &self.trend[a * stride..(a + 1) * stride],
-                    &self.trend[b * stride..(b + 1) * stride],
-                );
+                let value = dot(&self.trend[a * stride..(a + 1) * stride], &self.trend[b * stride..(b + 1) * stride]);
                 self.small[a * m + b] = value;
                 self.small[b * m + a] = value;
             }
@@ -235,35 +210,17 @@ impl Evidence {
     pub(crate) fn gradient(&mut self, gradient: &mut [f64]) {
         let (n, stride, m) = (self.n, self.stride, self.coefficients);
         self.counts.1 += 1;
-        self.arch.dispatch(BackwardSolve {
-            factor: &self.factor,
-            n,
-            stride,
-            b: &mut self.alpha,
-        });
+        self.arch.dispatch(BackwardSolve { factor: &self.factor, n, stride, b: &mut self.alpha });
         for column in self.trend.chunks_exact_mut(stride) {
-            self.arch.dispatch(BackwardSolve {
-                factor: &self.factor,
-                n,
-                stride,
-                b: column,
-            });
+            self.arch.dispatch(BackwardSolve { factor: &self.factor, n, stride, b: column });
         }
-        inverse_from_factor(
-            &self.factor,
-            &mut self.inverse,
-            n,
-            stride,
-            &mut self.scratch,
-        );
+        inverse_from_factor(&self.factor, &mut self.inverse, n, stride, &mut self.scratch);
 
         let squares = |v: &[f64]| -> f64 { v.iter().map(|v| v * v).sum() };
-        let trace_p: f64 =
-            (0..n).map(|i| self.inverse[i * stride + i]).sum::<f64>() - squares(&self.trend);
+        let trace_p: f64 = (0..n).map(|i| self.inverse[i * stride + i]).sum::<f64>() - squares(&self.trend);
         let fit = squares(&self.alpha);
         let noise = self.noise_variance;
-        gradient[0] =
-            0.5 * (self.quadratic - noise * fit - (n as f64 - m as f64) + noise * trace_p);
+        gradient[0] = 0.5 * (self.quadratic - noise * fit - (n as f64 - m as f64) + noise * trace_p);
         gradient[1] = 0.5 * noise * (fit - trace_p);
         self.arch.dispatch(LengthScaleGradient {
             z: &self.z,
@@ -295,16 +252,7 @@ impl<P: Profile> WithSimd for Fill<'_, P> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self {
-            profile,
-            z,
-            n,
-            stride,
-            signal_variance,
-            noise_variance,
-            covariance,
-            slopes,
-        } = self;
+        let Self { profile, z, n, stride, signal_variance, noise_variance, covariance, slopes } = self;
         let scale = simd.splat_f64s(signal_variance);
         for c in 0..n {
             let from = c / PANEL * PANEL;
@@ -418,9 +366,7 @@ mod tests {
     const DIFFERENCE_TOLERANCE: f64 = 2e-7;
 
     fn data(n: usize, dims: usize) -> (Vec<f64>, Vec<f64>) {
-        let x: Vec<f64> = (0..n * dims)
-            .map(|i| ((i * i * 7 + 3 * i) as f64 * 0.61).sin())
-            .collect();
+        let x: Vec<f64> = (0..n * dims).map(|i| ((i * i * 7 + 3 * i) as f64 * 0.61).sin()).collect();
         let y = x
             .chunks_exact(dims)
             .enumerate()
@@ -431,11 +377,7 @@ mod tests {
 
     #[test]
     fn gradient_agrees_with_central_differences() {
-        for kernel in [
-            Kernel::SquaredExponential,
-            Kernel::Matern32,
-            Kernel::Matern52,
-        ] {
+        for kernel in [Kernel::SquaredExponential, Kernel::Matern32, Kernel::Matern52] {
             for mean in [Mean::Zero, Mean::Constant, Mean::Linear] {
                 for (n, dims) in [(9, 1), (17, 2), (33, 3), (40, 4), (48, 7)] {
                     let (x, y) = data(n, dims);
@@ -445,9 +387,7 @@ mod tests {
                     theta[1] = -2.0;
                     let mut value = |theta: &[f64], gradient: Option<&mut [f64]>| {
                         let scales: Vec<f64> = theta[2..].iter().map(|t| t.exp()).collect();
-                        let value = evidence
-                            .value(&scales, theta[0].exp(), theta[1].exp())
-                            .unwrap();
+                        let value = evidence.value(&scales, theta[0].exp(), theta[1].exp()).unwrap();
                         if let Some(gradient) = gradient {
                             evidence.gradient(gradient);
                         }
@@ -464,8 +404,7 @@ mod tests {
                         let below = value(&moved, None);
                         let expected = (above - below) / (2.0 * step);
                         assert!(
-                            (gradient[p] - expected).abs()
-                                < DIFFERENCE_TOLERANCE * (1.0 + expected.abs()),
+                            (gradient[p] - expected).abs() < DIFFERENCE_TOLERANCE * (1.0 + expected.abs()),
                             "{kernel:?} {mean:?} n {n} d {dims} p {p}: {} {expected}",
                             gradient[p]
                         );

@@ -83,57 +83,26 @@ impl Gp {
     /// assert!((gp.predict(&[1.0])?.mean - 1.0_f64.sin()).abs() < 1e-3);
     /// # Ok::<(), stridemap_gp::GpError>(())
     /// ```
-    pub fn fit<R: Rng + ?Sized>(
-        points: Points<'_>,
-        y: &[f64],
-        options: &FitOptions,
-        rng: &mut R,
-    ) -> Result<Self> {
+    pub fn fit<R: Rng + ?Sized>(points: Points<'_>, y: &[f64], options: &FitOptions, rng: &mut R) -> Result<Self> {
         check_data(points, y)?;
         check_memory(points.len(), 0)?;
         let frame = Frame::of(points.values(), points.dims());
         let resolved = options.resolve(&frame, y)?;
         let targets: Vec<f64> = y.iter().map(|y| y - resolved.offset).collect();
-        let evidence = Evidence::new(
-            points.values(),
-            points.dims(),
-            &targets,
-            options.kernel,
-            options.mean,
-            &frame,
-        );
-        let mut search = Search {
-            evidence,
-            resolved: &resolved,
-            mean_failed: false,
-            last: Vec::new(),
-        };
+        let evidence = Evidence::new(points.values(), points.dims(), &targets, options.kernel, options.mean, &frame);
+        let mut search = Search { evidence, resolved: &resolved, mean_failed: false, last: Vec::new() };
         let (best, report) = search.run(options, rng)?;
         let mean_failed = search.mean_failed;
         // Its matrices make room for the model's.
         drop(search);
         if mean_failed && best.is_none() {
             let coefficients = options.mean.coefficients(points.dims());
-            return Err(GpError::MeanNotIdentifiable {
-                points: y.len(),
-                coefficients,
-            });
+            return Err(GpError::MeanNotIdentifiable { points: y.len(), coefficients });
         }
         let Some(best) = best else {
-            return Err(GpError::NoStartSucceeded {
-                starts: options.starts,
-                points: y.len(),
-            });
+            return Err(GpError::NoStartSucceeded { starts: options.starts, points: y.len() });
         };
-        let mut gp = Self::conditioned(
-            points,
-            y,
-            options.kernel,
-            options.mean,
-            best,
-            resolved.offset,
-            frame,
-        )?;
+        let mut gp = Self::conditioned(points, y, options.kernel, options.mean, best, resolved.offset, frame)?;
         gp.report = Some(report);
         Ok(gp)
     }
@@ -169,16 +138,11 @@ impl Search<'_> {
             upper: resolved.upper.iter().map(|t| t.exp()).collect(),
         };
         for index in 0..options.starts {
-            let start = if index == 0 {
-                resolved.start.clone()
-            } else {
-                self.random_start(rng)
-            };
+            let start = if index == 0 { resolved.start.clone() } else { self.random_start(rng) };
             let outcome = minimize(self, &start, &limits);
             let log_prior: f64 = self.resolved.log_prior(&outcome.theta).0;
             report.starts.push(StartReport {
-                log_marginal_likelihood: (outcome.stop != Stop::BadStart)
-                    .then_some(-outcome.value - log_prior),
+                log_marginal_likelihood: (outcome.stop != Stop::BadStart).then_some(-outcome.value - log_prior),
                 evaluations: outcome.evaluations,
                 stop: outcome.stop,
             });
@@ -187,10 +151,7 @@ impl Search<'_> {
                 best = Some(outcome);
             }
         }
-        Ok((
-            best.map(|best| Hyperparameters::from_log(&best.theta)),
-            report,
-        ))
+        Ok((best.map(|best| Hyperparameters::from_log(&best.theta)), report))
     }
 
     fn random_start<R: Rng + ?Sized>(&self, rng: &mut R) -> Vec<f64> {
@@ -198,11 +159,7 @@ impl Search<'_> {
         let spread = START_FACTOR.ln();
         (0..resolved.start.len())
             .map(|p| {
-                let (low, high) = if p == 1 {
-                    (START_NOISE.0.ln(), START_NOISE.1.ln())
-                } else {
-                    (-spread, spread)
-                };
+                let (low, high) = if p == 1 { (START_NOISE.0.ln(), START_NOISE.1.ln()) } else { (-spread, spread) };
                 let offset = low + (high - low) * rng.random::<f64>();
                 (resolved.log_scale[p] + offset).clamp(resolved.lower[p], resolved.upper[p])
             })
@@ -215,11 +172,7 @@ impl Objective for Search<'_> {
         let parameters = Hyperparameters::from_log(theta);
         self.last.clear();
         self.last.extend_from_slice(theta);
-        match self.evidence.value(
-            &parameters.length_scales,
-            parameters.signal_variance,
-            parameters.noise_variance,
-        ) {
+        match self.evidence.value(&parameters.length_scales, parameters.signal_variance, parameters.noise_variance) {
             Ok(value) => Some(-value - self.resolved.log_prior(theta).0),
             Err(NoValue::Covariance(_)) => None,
             Err(NoValue::Mean) => {

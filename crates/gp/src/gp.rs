@@ -4,9 +4,7 @@ use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use crate::aligned::Aligned;
-use crate::dense::{
-    DenseScratch, cholesky, small_backward, small_cholesky, small_forward, triangular_inverse,
-};
+use crate::dense::{DenseScratch, cholesky, small_backward, small_cholesky, small_forward, triangular_inverse};
 use crate::error::{GpError, Result, check_finite, check_len};
 use crate::evidence::{Fill, LOG_2_PI};
 use crate::fit::FitReport;
@@ -136,11 +134,7 @@ impl Gp {
             arch: Arch::new(),
             kernel,
             mean,
-            inverse_scales: hyperparameters
-                .length_scales
-                .iter()
-                .map(|l| 1.0 / l)
-                .collect(),
+            inverse_scales: hyperparameters.length_scales.iter().map(|l| 1.0 / l).collect(),
             hyperparameters,
             offset,
             frame,
@@ -176,11 +170,7 @@ impl Gp {
     /// Recomputes the factor from `z`.
     fn factorise(&mut self) -> Result<()> {
         let (n, stride) = (self.y.len(), self.stride);
-        let Hyperparameters {
-            signal_variance,
-            noise_variance,
-            ..
-        } = self.hyperparameters;
+        let Hyperparameters { signal_variance, noise_variance, .. } = self.hyperparameters;
         let mut covariance = Aligned::zeros(stride * stride);
         let mut inverse = Aligned::zeros(stride * stride);
         with_profile!(self.kernel, profile => self.arch.dispatch(Fill {
@@ -193,14 +183,8 @@ impl Gp {
             covariance: &mut covariance,
             slopes: &mut inverse,
         }));
-        cholesky(&mut covariance, n, stride, &mut DenseScratch::new(n)).map_err(|row| {
-            GpError::NotPositiveDefinite {
-                points: n,
-                row,
-                signal_variance,
-                noise_variance,
-            }
-        })?;
+        cholesky(&mut covariance, n, stride, &mut DenseScratch::new(n))
+            .map_err(|row| GpError::NotPositiveDefinite { points: n, row, signal_variance, noise_variance })?;
         triangular_inverse(&covariance, &mut inverse, n, stride);
         self.factor = InverseFactor::from_column_major(&inverse, n, stride);
         self.updates = 0;
@@ -211,10 +195,7 @@ impl Gp {
     pub(crate) fn solve(&mut self) -> Result<()> {
         let (n, stride) = (self.y.len(), self.stride);
         let m = self.mean.coefficients(self.dims);
-        let not_identifiable = GpError::MeanNotIdentifiable {
-            points: n,
-            coefficients: m,
-        };
+        let not_identifiable = GpError::MeanNotIdentifiable { points: n, coefficients: m };
         if n < m {
             return Err(not_identifiable);
         }
@@ -269,11 +250,7 @@ impl Gp {
         small_backward(&small, m, &mut beta);
 
         let log_det_a = 2.0 * (0..m).map(|b| small[b * m + b].ln()).sum::<f64>()
-            + if m > 0 {
-                2.0 * self.frame.log_det_to_user(self.mean)
-            } else {
-                0.0
-            };
+            + if m > 0 { 2.0 * self.frame.log_det_to_user(self.mean) } else { 0.0 };
         self.log_marginal_likelihood = -0.5 * dot(&whitened, &whitened) + self.factor.log_det()
             - 0.5 * log_det_a
             - 0.5 * (n as f64 - m as f64) * LOG_2_PI;
@@ -283,17 +260,9 @@ impl Gp {
         for (out, w) in weights.chunks_exact_mut(stride).zip(w.chunks_exact(stride)) {
             self.factor.transposed_product(w, out);
         }
-        self.trend = Trend {
-            weights,
-            factor: small,
-            beta,
-        };
+        self.trend = Trend { weights, factor: small, beta };
         check_finite("weights of the training points", &self.alpha, 1)?;
-        check_finite(
-            "log marginal likelihood",
-            &[self.log_marginal_likelihood],
-            1,
-        )
+        check_finite("log marginal likelihood", &[self.log_marginal_likelihood], 1)
     }
 
     /// Number of training points `N`.
@@ -400,38 +369,20 @@ mod tests {
     #[test]
     fn every_instruction_set_gives_the_same_answer() {
         let dims = 3;
-        let x: Vec<f64> = (0..37 * dims)
-            .map(|i| ((i * i * 5 + i) as f64).sin())
-            .collect();
-        let y: Vec<f64> = x
-            .chunks_exact(dims)
-            .map(|x| (2.0 * x[0]).sin() + x[1] * x[2])
-            .collect();
+        let x: Vec<f64> = (0..37 * dims).map(|i| ((i * i * 5 + i) as f64).sin()).collect();
+        let y: Vec<f64> = x.chunks_exact(dims).map(|x| (2.0 * x[0]).sin() + x[1] * x[2]).collect();
         let queries: Vec<f64> = (0..11 * dims).map(|i| (i as f64 * 0.7).cos()).collect();
-        let (points, queries) = (
-            Points::new(&x, dims).unwrap(),
-            Points::new(&queries, dims).unwrap(),
-        );
-        for kernel in [
-            Kernel::SquaredExponential,
-            Kernel::Matern32,
-            Kernel::Matern52,
-        ] {
-            let hyperparameters = Hyperparameters {
-                length_scales: vec![0.7, 0.9, 1.1],
-                signal_variance: 1.3,
-                noise_variance: 0.05,
-            };
+        let (points, queries) = (Points::new(&x, dims).unwrap(), Points::new(&queries, dims).unwrap());
+        for kernel in [Kernel::SquaredExponential, Kernel::Matern32, Kernel::Matern52] {
+            let hyperparameters =
+                Hyperparameters { length_scales: vec![0.7, 0.9, 1.1], signal_variance: 1.3, noise_variance: 0.05 };
             let h = &hyperparameters;
-            let gp =
-                Gp::condition(points, &y, kernel, Mean::Zero, hyperparameters.clone()).unwrap();
+            let gp = Gp::condition(points, &y, kernel, Mean::Zero, hyperparameters.clone()).unwrap();
             let mut reference = vec![0.0; 2 + dims];
             for (run, arch) in every_arch().into_iter().enumerate() {
                 let other = Gp { arch, ..gp.clone() };
                 let (mut mean, mut variance) = ([0.0; 11], [0.0; 11]);
-                other
-                    .predict_batch(queries, &mut mean, &mut variance, &mut Scratch::new())
-                    .unwrap();
+                other.predict_batch(queries, &mut mean, &mut variance, &mut Scratch::new()).unwrap();
                 for (i, x) in queries.rows().enumerate() {
                     let (a, b) = (gp.predict(x).unwrap(), other.predict(x).unwrap());
                     for (found, expected) in [
@@ -440,18 +391,13 @@ mod tests {
                         (mean[i], a.mean),
                         (variance[i], a.latent_variance),
                     ] {
-                        assert!(
-                            (found - expected).abs() < ARCH_TOLERANCE,
-                            "{kernel:?} {arch:?}"
-                        );
+                        assert!((found - expected).abs() < ARCH_TOLERANCE, "{kernel:?} {arch:?}");
                     }
                 }
                 let frame = Frame::of(&x, dims);
                 let mut evidence = Evidence::new(&x, dims, &y, kernel, Mean::Constant, &frame);
                 evidence.arch = arch;
-                evidence
-                    .value(&h.length_scales, h.signal_variance, h.noise_variance)
-                    .unwrap();
+                evidence.value(&h.length_scales, h.signal_variance, h.noise_variance).unwrap();
                 let mut gradient = vec![0.0; 2 + dims];
                 evidence.gradient(&mut gradient);
                 for (found, expected) in gradient.iter().zip(&reference) {

@@ -26,19 +26,12 @@ impl Hyperparameters {
         }
         check_positive("signal_variance", self.signal_variance)?;
         check_positive("noise_variance", self.noise_variance)?;
-        check_positive(
-            "signal_variance + noise_variance",
-            self.signal_variance + self.noise_variance,
-        )
+        check_positive("signal_variance + noise_variance", self.signal_variance + self.noise_variance)
     }
 
     /// `(log σ_f², log σₙ², log ℓ…)`.
     pub(crate) fn to_log(&self) -> Vec<f64> {
-        [self.signal_variance, self.noise_variance]
-            .iter()
-            .chain(&self.length_scales)
-            .map(|value| value.ln())
-            .collect()
+        [self.signal_variance, self.noise_variance].iter().chain(&self.length_scales).map(|value| value.ln()).collect()
     }
 
     /// The inverse of [`to_log`](Self::to_log).

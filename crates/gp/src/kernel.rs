@@ -126,10 +126,7 @@ impl Profile for Matern52 {
         let e = exp(simd, simd.neg_f64s(s));
         let linear = simd.mul_add_e_f64s(s, e, e);
         let third = simd.mul_f64s(simd.mul_f64s(s, s), simd.splat_f64s(1.0 / 3.0));
-        (
-            simd.mul_add_e_f64s(third, e, linear),
-            simd.mul_f64s(linear, simd.splat_f64s(5.0 / 3.0)),
-        )
+        (simd.mul_add_e_f64s(third, e, linear), simd.mul_f64s(linear, simd.splat_f64s(5.0 / 3.0)))
     }
 }
 
@@ -158,19 +155,14 @@ pub(crate) use with_profile;
 mod tests {
     use super::*;
 
-    const ALL: [Kernel; 3] = [
-        Kernel::SquaredExponential,
-        Kernel::Matern32,
-        Kernel::Matern52,
-    ];
+    const ALL: [Kernel; 3] = [Kernel::SquaredExponential, Kernel::Matern32, Kernel::Matern52];
 
     #[test]
     fn slope_is_minus_twice_the_derivative_by_squared_distance() {
         for kernel in ALL {
             for q in [0.01, 0.3, 1.0, 7.0] {
                 let step = 1e-5 * q;
-                let difference =
-                    kernel.covariance(q + step, 2.0) - kernel.covariance(q - step, 2.0);
+                let difference = kernel.covariance(q + step, 2.0) - kernel.covariance(q - step, 2.0);
                 let expected = -difference / step;
                 let slope = kernel.slope(q, 2.0);
                 assert!((slope - expected).abs() < 1e-8 * slope, "{kernel:?} at {q}");
@@ -202,16 +194,8 @@ mod tests {
             });
             for i in 0..64 {
                 let (value, slope) = (kernel.covariance(q[i], 1.0), kernel.slope(q[i], 1.0));
-                assert!(
-                    (k[i] - value).abs() <= 4e-15 * value,
-                    "{kernel:?} value at {}",
-                    q[i]
-                );
-                assert!(
-                    (h[i] - slope).abs() <= 4e-15 * slope,
-                    "{kernel:?} slope at {}",
-                    q[i]
-                );
+                assert!((k[i] - value).abs() <= 4e-15 * value, "{kernel:?} value at {}", q[i]);
+                assert!((h[i] - slope).abs() <= 4e-15 * slope, "{kernel:?} slope at {}", q[i]);
             }
         }
     }

@@ -7,14 +7,8 @@
 //! - \[MA09\] J. Morimoto and C. G. Atkeson, *Nonparametric representation of an approximated
 //!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "formulas run over several arrays by one index, as on paper"
-)]
-#![allow(
-    clippy::neg_cmp_op_on_partial_ord,
-    reason = "`!(a < b)` is true of NaN, and that is meant"
-)]
+#![allow(clippy::needless_range_loop, reason = "formulas run over several arrays by one index, as on paper")]
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(a < b)` is true of NaN, and that is meant")]
 
 mod aligned;
 mod batch;

@@ -76,20 +76,17 @@ impl LogMarginalLikelihood {
             check_len("length of gradient", 2 + self.dims, gradient.len())?;
         }
         let points = self.points;
-        let value = self
-            .evidence
-            .value(&at.length_scales, at.signal_variance, at.noise_variance)
-            .map_err(|failure| match failure {
-                NoValue::Covariance(row) => GpError::NotPositiveDefinite {
-                    points,
-                    row,
-                    signal_variance: at.signal_variance,
-                    noise_variance: at.noise_variance,
-                },
-                NoValue::Mean => GpError::MeanNotIdentifiable {
-                    points,
-                    coefficients: self.coefficients,
-                },
+        let value =
+            self.evidence.value(&at.length_scales, at.signal_variance, at.noise_variance).map_err(|failure| {
+                match failure {
+                    NoValue::Covariance(row) => GpError::NotPositiveDefinite {
+                        points,
+                        row,
+                        signal_variance: at.signal_variance,
+                        noise_variance: at.noise_variance,
+                    },
+                    NoValue::Mean => GpError::MeanNotIdentifiable { points, coefficients: self.coefficients },
+                }
             })?;
         if !gradient.is_empty() {
             self.evidence.gradient(gradient);

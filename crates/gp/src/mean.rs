@@ -99,11 +99,7 @@ impl Frame {
         if mean == Mean::Linear {
             for d in 0..x.len() {
                 // The rounding of a constant column is no slope.
-                out[1 + d] = if self.spread[d] > 0.0 {
-                    (x[d] - self.centre[d]) / self.spread[d]
-                } else {
-                    0.0
-                };
+                out[1 + d] = if self.spread[d] > 0.0 { (x[d] - self.centre[d]) / self.spread[d] } else { 0.0 };
             }
         }
     }
@@ -114,20 +110,14 @@ impl Frame {
     }
 
     pub(crate) fn spread_or_one(&self, d: usize) -> f64 {
-        if self.spread[d] > 0.0 {
-            self.spread[d]
-        } else {
-            1.0
-        }
+        if self.spread[d] > 0.0 { self.spread[d] } else { 1.0 }
     }
 
     /// `log |det T|` of the change of basis to that in the user's units, `h_user = T h`.
     pub(crate) fn log_det_to_user(&self, mean: Mean) -> f64 {
         match mean {
             Mean::Zero | Mean::Constant => 0.0,
-            Mean::Linear => (0..self.spread.len())
-                .map(|d| self.spread_or_one(d).ln())
-                .sum(),
+            Mean::Linear => (0..self.spread.len()).map(|d| self.spread_or_one(d).ln()).sum(),
         }
     }
 

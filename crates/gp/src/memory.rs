@@ -37,11 +37,9 @@ pub fn check_memory(points: usize, models: usize) -> Result<()> {
 pub(crate) fn room_for(points: usize, numbers: f64) -> Result<()> {
     let needed = 8.0 * numbers;
     match available_bytes() {
-        Some(available) if needed > available => Err(GpError::Memory {
-            points,
-            needed_gb: needed / 1e9,
-            available_gb: available / 1e9,
-        }),
+        Some(available) if needed > available => {
+            Err(GpError::Memory { points, needed_gb: needed / 1e9, available_gb: available / 1e9 })
+        }
         _ => Ok(()),
     }
 }
@@ -49,19 +47,15 @@ pub(crate) fn room_for(points: usize, numbers: f64) -> Result<()> {
 /// Bytes that this process may still ask for: of the machine's memory, of its control group's, of its own
 /// address space; the least of those that are known.
 fn available_bytes() -> Option<f64> {
-    let number = |text: &str| {
-        text.split_whitespace()
-            .find_map(|word| word.parse::<f64>().ok())
-    };
+    let number = |text: &str| text.split_whitespace().find_map(|word| word.parse::<f64>().ok());
     let line = |file: &str, key: &str| {
         let text = read_to_string(file).ok()?;
         number(text.lines().find_map(|line| line.strip_prefix(key))?)
     };
     let whole = |file: &str| number(&read_to_string(file).ok()?);
     let machine = line("/proc/meminfo", "MemAvailable:").map(|kib| 1024.0 * kib);
-    let group = whole("/sys/fs/cgroup/memory.max")
-        .zip(whole("/sys/fs/cgroup/memory.current"))
-        .map(|(most, used)| most - used);
+    let group =
+        whole("/sys/fs/cgroup/memory.max").zip(whole("/sys/fs/cgroup/memory.current")).map(|(most, used)| most - used);
     let space = line("/proc/self/limits", "Max address space")
         .zip(line("/proc/self/status", "VmSize:"))
         .map(|(most, used)| most - 1024.0 * used);

@@ -25,10 +25,7 @@ pub enum Draw {
 /// Each output has its own kernel, mean and hyperparameters. Given the input the outputs are
 /// independent, as in \[MA09, sec. 4.2\].
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(
-    into = "crate::saved::SavedMultiGp",
-    try_from = "crate::saved::SavedMultiGp"
-)]
+#[serde(into = "crate::saved::SavedMultiGp", try_from = "crate::saved::SavedMultiGp")]
 pub struct MultiGp {
     models: Vec<Gp>,
 }
@@ -73,10 +70,7 @@ impl MultiGp {
         options: &FitOptions,
         rng: &mut R,
     ) -> Result<Self> {
-        let models: Result<Vec<Gp>> = outputs
-            .iter()
-            .map(|y| Gp::fit(points, y, options, rng))
-            .collect();
+        let models: Result<Vec<Gp>> = outputs.iter().map(|y| Gp::fit(points, y, options, rng)).collect();
         Self::from_models(models?)
     }
 
@@ -141,12 +135,7 @@ impl MultiGp {
     ///
     /// As [`Gp::predict`], a `Variance` error naming the output as its row; [`GpError::Shape`] if
     /// `mean` or `latent_variance` is not of length `E`.
-    pub fn predict_into(
-        &self,
-        x: &[f64],
-        mean: &mut [f64],
-        latent_variance: &mut [f64],
-    ) -> Result<()> {
+    pub fn predict_into(&self, x: &[f64], mean: &mut [f64], latent_variance: &mut [f64]) -> Result<()> {
         self.each(mean, latent_variance, |model| model.predict(x))
     }
 
@@ -162,9 +151,7 @@ impl MultiGp {
         latent_variance: &mut [f64],
         scratch: &mut Scratch,
     ) -> Result<()> {
-        self.each(mean, latent_variance, |model| {
-            model.predict_with(x, scratch)
-        })
+        self.each(mean, latent_variance, |model| model.predict_with(x, scratch))
     }
 
     #[inline]
@@ -175,11 +162,7 @@ impl MultiGp {
         mut predict: impl FnMut(&Gp) -> Result<crate::predict::Prediction>,
     ) -> Result<()> {
         check_len("length of mean", self.models.len(), mean.len())?;
-        check_len(
-            "length of latent_variance",
-            self.models.len(),
-            latent_variance.len(),
-        )?;
+        check_len("length of latent_variance", self.models.len(), latent_variance.len())?;
         for (e, model) in self.models.iter().enumerate() {
             let at = predict(model).map_err(|error| at_row(error, e))?;
             mean[e] = at.mean;
@@ -195,13 +178,7 @@ impl MultiGp {
     /// # Errors
     ///
     /// As [`predict_into`](Self::predict_into).
-    pub fn sample_into<R: Rng + ?Sized>(
-        &self,
-        x: &[f64],
-        draw: Draw,
-        rng: &mut R,
-        out: &mut [f64],
-    ) -> Result<()> {
+    pub fn sample_into<R: Rng + ?Sized>(&self, x: &[f64], draw: Draw, rng: &mut R, out: &mut [f64]) -> Result<()> {
         check_len("length of out", self.models.len(), out.len())?;
         for (e, (model, out)) in self.models.iter().zip(out).enumerate() {
             let at = model.predict(x).map_err(|error| at_row(error, e))?;

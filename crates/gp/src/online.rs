@@ -93,9 +93,7 @@ impl Gp {
             return Err(GpError::Index { index, points: n });
         }
         if n == 1 {
-            return Err(GpError::Empty {
-                what: "training set without its only point",
-            });
+            return Err(GpError::Empty { what: "training set without its only point" });
         }
         let mut next = self.clone();
         next.factor = self.factor.without(index);

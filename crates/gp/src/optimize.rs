@@ -73,12 +73,7 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
     project(&mut theta);
     let mut evaluations = 1;
     let Some(mut value) = objective.value(&theta) else {
-        return Outcome {
-            theta,
-            value: f64::INFINITY,
-            evaluations,
-            stop: Stop::BadStart,
-        };
+        return Outcome { theta, value: f64::INFINITY, evaluations, stop: Stop::BadStart };
     };
     let mut gradient = vec![0.0; size];
     objective.gradient(&mut gradient);
@@ -103,12 +98,7 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
             hessian.direction(&gradient, &free, &mut direction);
             slope = dot(&gradient, &direction);
             if fresh || !(slope < 0.0) {
-                return Outcome {
-                    theta,
-                    value,
-                    evaluations,
-                    stop: Stop::Converged,
-                };
+                return Outcome { theta, value, evaluations, stop: Stop::Converged };
             }
         }
         let longest = direction.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
@@ -117,31 +107,13 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
             let steepest = steepest.fold(0.0_f64, |m, (g, _)| m.max(g.abs()));
             // Nothing is known of the curvature yet: judge by the gradient.
             if steepest * FIRST_STEP < limits.tolerance {
-                return Outcome {
-                    theta,
-                    value,
-                    evaluations,
-                    stop: Stop::Converged,
-                };
+                return Outcome { theta, value, evaluations, stop: Stop::Converged };
             }
         } else if -0.5 * slope < limits.tolerance {
-            return Outcome {
-                theta,
-                value,
-                evaluations,
-                stop: Stop::Converged,
-            };
+            return Outcome { theta, value, evaluations, stop: Stop::Converged };
         }
-        let limit = if hessian.is_fresh() {
-            FIRST_STEP
-        } else {
-            LONGEST_STEP
-        };
-        let mut step = if hessian.is_fresh() {
-            limit / longest
-        } else {
-            (limit / longest).min(1.0)
-        };
+        let limit = if hessian.is_fresh() { FIRST_STEP } else { LONGEST_STEP };
+        let mut step = if hessian.is_fresh() { limit / longest } else { (limit / longest).min(1.0) };
 
         // Line search: `good` is the best point that satisfies Armijo, `bad` the shortest that
         // does not.
@@ -160,19 +132,12 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
             evaluations += 1;
             let found = objective.value(&trial).filter(|found| found.is_finite());
             match found {
-                Some(found)
-                    if found <= value + ARMIJO * moved
-                        && good.is_none_or(|(_, before)| found < before) =>
-                {
+                Some(found) if found <= value + ARMIJO * moved && good.is_none_or(|(_, before)| found < before) => {
                     objective.gradient(&mut trial_gradient);
                     let along = dot(&trial_gradient, &direction);
                     good = Some((step, found));
                     best.copy_from_slice(&trial);
-                    let longer = if bad.is_finite() {
-                        0.5 * (step + bad)
-                    } else {
-                        2.5 * step
-                    };
+                    let longer = if bad.is_finite() { 0.5 * (step + bad) } else { 2.5 * step };
                     let steep = along < CURVATURE * slope;
                     if !steep || longest * longer > 2.0 * LONGEST_STEP || bad < 1.5 * step {
                         break;
@@ -189,11 +154,7 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
                     // Minimum of the parabola through value, slope and the failed trial.
                     let shorter = found.map_or(0.25, |found| {
                         let curvature = found - value - slope * step;
-                        if curvature > 0.0 {
-                            -0.5 * slope * step / curvature
-                        } else {
-                            0.25
-                        }
+                        if curvature > 0.0 { -0.5 * slope * step / curvature } else { 0.25 }
                     });
                     step *= shorter.clamp(0.1, 0.5);
                 }
@@ -208,24 +169,14 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
             } else {
                 Stop::NoProgress
             };
-            return Outcome {
-                theta,
-                value,
-                evaluations,
-                stop,
-            };
+            return Outcome { theta, value, evaluations, stop };
         };
         hessian.update(&theta, &best, &gradient, &trial_gradient);
         theta.copy_from_slice(&best);
         gradient.copy_from_slice(&trial_gradient);
         value = found;
         if evaluations >= limits.max_evaluations {
-            return Outcome {
-                theta,
-                value,
-                evaluations,
-                stop: Stop::EvaluationLimit,
-            };
+            return Outcome { theta, value, evaluations, stop: Stop::EvaluationLimit };
         }
     }
 }
@@ -243,11 +194,7 @@ struct InverseHessian {
 
 impl InverseHessian {
     fn new(size: usize) -> Self {
-        let mut this = Self {
-            size,
-            h: vec![0.0; size * size],
-            fresh: true,
-        };
+        let mut this = Self { size, h: vec![0.0; size * size], fresh: true };
         this.reset();
         this
     }
@@ -272,9 +219,7 @@ impl InverseHessian {
             if free[p] {
                 let row = &self.h[p * self.size..(p + 1) * self.size];
                 let masked = row.iter().zip(gradient).zip(free);
-                direction[p] = -masked
-                    .map(|((h, g), free)| if *free { h * g } else { 0.0 })
-                    .sum::<f64>();
+                direction[p] = -masked.map(|((h, g), free)| if *free { h * g } else { 0.0 }).sum::<f64>();
             }
         }
     }
@@ -284,11 +229,7 @@ impl InverseHessian {
     fn update(&mut self, theta: &[f64], next: &[f64], gradient: &[f64], next_gradient: &[f64]) {
         let size = self.size;
         let s: Vec<f64> = next.iter().zip(theta).map(|(a, b)| a - b).collect();
-        let y: Vec<f64> = next_gradient
-            .iter()
-            .zip(gradient)
-            .map(|(a, b)| a - b)
-            .collect();
+        let y: Vec<f64> = next_gradient.iter().zip(gradient).map(|(a, b)| a - b).collect();
         let (sy, yy, ss) = (dot(&s, &y), dot(&y, &y), dot(&s, &s));
         if !(sy > 1e-10 * (ss * yy).sqrt() && sy > 0.0) {
             return;
@@ -300,9 +241,7 @@ impl InverseHessian {
             }
             self.fresh = false;
         }
-        let hy: Vec<f64> = (0..size)
-            .map(|p| dot(&self.h[p * size..(p + 1) * size], &y))
-            .collect();
+        let hy: Vec<f64> = (0..size).map(|p| dot(&self.h[p * size..(p + 1) * size], &y)).collect();
         let factor = (1.0 + dot(&y, &hy) / sy) / sy;
         for p in 0..size {
             let row = &mut self.h[p * size..(p + 1) * size];
@@ -332,12 +271,7 @@ mod tests {
     }
 
     fn run(lower: [f64; 2], upper: [f64; 2]) -> Outcome {
-        let limits = Limits {
-            lower: &lower,
-            upper: &upper,
-            max_evaluations: 300,
-            tolerance: 1e-14,
-        };
+        let limits = Limits { lower: &lower, upper: &upper, max_evaluations: 300, tolerance: 1e-14 };
         minimize(&mut Rosenbrock([0.0; 2]), &[-1.2, 1.0], &limits)
     }
 
@@ -357,12 +291,7 @@ mod tests {
 
     #[test]
     fn a_start_without_value_is_told() {
-        let limits = Limits {
-            lower: &[-5.0; 2],
-            upper: &[5.0; 2],
-            max_evaluations: 10,
-            tolerance: 1e-9,
-        };
+        let limits = Limits { lower: &[-5.0; 2], upper: &[5.0; 2], max_evaluations: 10, tolerance: 1e-9 };
         let outcome = minimize(&mut Rosenbrock([0.0; 2]), &[-2.0, 1.0], &limits);
         assert_eq!(outcome.stop, Stop::BadStart);
     }

@@ -41,10 +41,7 @@ impl Range {
     /// The range of one value: the parameter is not fitted.
     #[must_use]
     pub const fn fixed(value: f64) -> Self {
-        Self {
-            lower: value,
-            upper: value,
-        }
+        Self { lower: value, upper: value }
     }
 
     fn check(self, name: &'static str) -> Result<()> {
@@ -53,11 +50,7 @@ impl Range {
         if self.lower <= self.upper {
             Ok(())
         } else {
-            Err(GpError::Range {
-                name,
-                lower: self.lower,
-                upper: self.upper,
-            })
+            Err(GpError::Range { name, lower: self.lower, upper: self.upper })
         }
     }
 }
@@ -114,10 +107,7 @@ impl Prior {
                 let deviation = (value.ln() - median.ln()) / log_std;
                 (-0.5 * deviation * deviation, -deviation / log_std)
             }
-            Self::Gamma { shape, rate } => (
-                (shape - 1.0) * value.ln() - rate * value,
-                (shape - 1.0) - rate * value,
-            ),
+            Self::Gamma { shape, rate } => ((shape - 1.0) * value.ln() - rate * value, (shape - 1.0) - rate * value),
         }
     }
 
@@ -233,26 +223,15 @@ impl FitOptions {
             return Err(GpError::Empty { what: "starts" });
         }
         if self.max_evaluations == 0 {
-            return Err(GpError::Empty {
-                what: "max_evaluations",
-            });
+            return Err(GpError::Empty { what: "max_evaluations" });
         }
         check_positive("tolerance_nats", self.tolerance_nats)?;
 
         let columns = Frame::of(y, 1);
-        let offset = if self.standardize_outputs {
-            columns.centre[0]
-        } else {
-            0.0
-        };
-        let about = if self.mean == Mean::Zero {
-            offset
-        } else {
-            columns.centre[0]
-        };
+        let offset = if self.standardize_outputs { columns.centre[0] } else { 0.0 };
+        let about = if self.mean == Mean::Zero { offset } else { columns.centre[0] };
         let size = y.iter().fold(0.0_f64, |m, v| m.max((v - about).abs()));
-        let constant =
-            columns.spread[0] <= 0.0 && (self.standardize_outputs || self.mean != Mean::Zero);
+        let constant = columns.spread[0] <= 0.0 && (self.standardize_outputs || self.mean != Mean::Zero);
         let y_scale = if size > 0.0 && !constant {
             let squares: f64 = y.iter().map(|v| ((v - about) / size).powi(2)).sum();
             size * (squares / y.len() as f64).sqrt()
@@ -266,17 +245,9 @@ impl FitOptions {
         }
 
         let y_variance = y_scale * y_scale;
-        let unit_y = if self.standardize_outputs {
-            y_variance
-        } else {
-            1.0
-        };
+        let unit_y = if self.standardize_outputs { y_variance } else { 1.0 };
         let unit_x = |d: usize| {
-            if self.standardize_inputs {
-                x_scale[d]
-            } else {
-                1.0
-            }
+            if self.standardize_inputs { x_scale[d] } else { 1.0 }
         };
         let mut unit = vec![unit_y; 2];
         unit.extend((0..dims).map(unit_x));
@@ -284,10 +255,8 @@ impl FitOptions {
         scale.extend(&x_scale);
 
         let ranges = self.ranges(&scale, &unit)?;
-        let (lower, upper): (Vec<f64>, Vec<f64>) = ranges
-            .iter()
-            .map(|range| (range.lower.ln(), range.upper.ln()))
-            .unzip();
+        let (lower, upper): (Vec<f64>, Vec<f64>) =
+            ranges.iter().map(|range| (range.lower.ln(), range.upper.ln())).unzip();
         let start = self.start_in(&scale, &unit, &ranges)?;
         Ok(Resolved {
             offset,
@@ -303,8 +272,7 @@ impl FitOptions {
     /// Bounds of `(σ_f², σₙ², ℓ…)` in the user's units.
     fn ranges(&self, scale: &[f64], unit: &[f64]) -> Result<Vec<Range>> {
         let dims = scale.len() - 2;
-        let default =
-            |p: usize, (lower, upper): (f64, f64)| Range::new(lower * scale[p], upper * scale[p]);
+        let default = |p: usize, (lower, upper): (f64, f64)| Range::new(lower * scale[p], upper * scale[p]);
         let given = |p: usize, range: Range, name| {
             range.check(name)?;
             let range = Range::new(range.lower * unit[p], range.upper * unit[p]);
@@ -327,9 +295,7 @@ impl FitOptions {
                     ranges.push(given(2 + d, *range, "length scale")?);
                 }
             }
-            None => ranges.extend(
-                (2..2 + dims).map(|p| default(p, (LENGTH_SCALE_LOWER, LENGTH_SCALE_UPPER))),
-            ),
+            None => ranges.extend((2..2 + dims).map(|p| default(p, (LENGTH_SCALE_LOWER, LENGTH_SCALE_UPPER)))),
         }
         Ok(ranges)
     }
@@ -342,11 +308,7 @@ impl FitOptions {
                 .zip(ranges)
                 .enumerate()
                 .map(|(p, (scale, range))| {
-                    let value = if p == 1 {
-                        NOISE_VARIANCE_START * scale
-                    } else {
-                        *scale
-                    };
+                    let value = if p == 1 { NOISE_VARIANCE_START * scale } else { *scale };
                     value.clamp(range.lower, range.upper).ln()
                 })
                 .collect());
@@ -390,10 +352,6 @@ fn check_scale(name: &'static str, value: f64) -> Result<()> {
     if (SCALE_RANGE.0..=SCALE_RANGE.1).contains(&value) {
         Ok(())
     } else {
-        Err(GpError::Parameter {
-            name,
-            requirement: "between 1e-100 and 1e100",
-            value,
-        })
+        Err(GpError::Parameter { name, requirement: "between 1e-100 and 1e100", value })
     }
 }

@@ -27,18 +27,12 @@ const fn offset(p: usize) -> usize {
 impl InverseFactor {
     /// The factor of no points.
     pub(crate) fn empty() -> Self {
-        Self {
-            n: 0,
-            data: Aligned::zeros(0),
-        }
+        Self { n: 0, data: Aligned::zeros(0) }
     }
 
     /// Packs the lower triangle of a column-major matrix.
     pub(crate) fn from_column_major(inverse: &[f64], n: usize, stride: usize) -> Self {
-        let mut packed = Self {
-            n,
-            data: Aligned::zeros(Self::entries(n)),
-        };
+        let mut packed = Self { n, data: Aligned::zeros(Self::entries(n)) };
         for p in 0..n.div_ceil(PANEL) {
             let rows = PANEL.min(n - p * PANEL);
             for j in 0..packed.columns(p) {
@@ -135,13 +129,8 @@ impl InverseFactor {
     /// for the last row; that row and that column then go.
     pub(crate) fn without(&self, index: usize) -> Self {
         let n = self.n;
-        let mut rows: Vec<Vec<f64>> = (index..n)
-            .map(|i| {
-                (0..n)
-                    .map(|j| if j <= i { self.at(i, j) } else { 0.0 })
-                    .collect()
-            })
-            .collect();
+        let mut rows: Vec<Vec<f64>> =
+            (index..n).map(|i| (0..n).map(|j| if j <= i { self.at(i, j) } else { 0.0 }).collect()).collect();
         for r in 0..rows.len() - 1 {
             let (upper, lower) = rows.split_at_mut(r + 1);
             let (upper, lower) = (&mut upper[r], &mut lower[0]);
@@ -156,18 +145,11 @@ impl InverseFactor {
                 upper.iter_mut().for_each(|u| *u = -*u);
             }
         }
-        let mut smaller = Self {
-            n: n - 1,
-            data: Aligned::zeros(Self::entries(n - 1)),
-        };
+        let mut smaller = Self { n: n - 1, data: Aligned::zeros(Self::entries(n - 1)) };
         for i in 0..n - 1 {
             for j in 0..=i {
                 let source = if j < index { j } else { j + 1 };
-                let value = if i < index {
-                    self.at(i, source)
-                } else {
-                    rows[i - index][source]
-                };
+                let value = if i < index { self.at(i, source) } else { rows[i - index][source] };
                 smaller.data[Self::index(i, j)] = value;
             }
         }
@@ -192,10 +174,7 @@ impl InverseFactor {
 
     /// The factor from its packed entries; `None` if their number is not that of `n` rows.
     pub(crate) fn from_entries(n: usize, data: &[f64]) -> Option<Self> {
-        (data.len() == Self::entries(n)).then(|| Self {
-            n,
-            data: Aligned::from_slice(data),
-        })
+        (data.len() == Self::entries(n)).then(|| Self { n, data: Aligned::from_slice(data) })
     }
 }
 
@@ -270,11 +249,7 @@ mod tests {
         let mut m = vec![0.0; stride * stride];
         for j in 0..n {
             for i in j..n {
-                m[j * stride + i] = if i == j {
-                    1.5
-                } else {
-                    ((i * 7 + j * 3) as f64).sin() * 0.1
-                };
+                m[j * stride + i] = if i == j { 1.5 } else { ((i * 7 + j * 3) as f64).sin() * 0.1 };
             }
         }
         m
@@ -287,33 +262,16 @@ mod tests {
             let packed = InverseFactor::from_column_major(&m, n, stride);
             let mut k = vec![0.0; stride];
             (0..n).for_each(|i| k[i] = (i as f64).cos());
-            let expected: Vec<f64> = (0..n)
-                .map(|i| (0..=i).map(|j| m[j * stride + i] * k[j]).sum())
-                .collect();
+            let expected: Vec<f64> = (0..n).map(|i| (0..=i).map(|j| m[j * stride + i] * k[j]).sum()).collect();
             let mut product = vec![0.0; stride];
             packed.product(&k, &mut product);
             for i in 0..n {
                 assert!((product[i] - expected[i]).abs() < 1e-13);
             }
             let norm: f64 = expected.iter().map(|v| v * v).sum();
+            assert!((pulp::Arch::new().dispatch(NormSquared { factor: &packed, k: &k }) - norm).abs() < 1e-12 * norm);
             assert!(
-                (pulp::Arch::new().dispatch(NormSquared {
-                    factor: &packed,
-                    k: &k
-                }) - norm)
-                    .abs()
-                    < 1e-12 * norm
-            );
-            assert!(
-                (Simd::vectorize(
-                    pulp::Scalar,
-                    NormSquared {
-                        factor: &packed,
-                        k: &k
-                    }
-                ) - norm)
-                    .abs()
-                    < 1e-12 * norm
+                (Simd::vectorize(pulp::Scalar, NormSquared { factor: &packed, k: &k }) - norm).abs() < 1e-12 * norm
             );
             let mut back = vec![0.0; stride];
             packed.transposed_product(&product, &mut back);

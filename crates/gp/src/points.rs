@@ -31,9 +31,7 @@ impl<'a> Points<'a> {
     /// - [`GpError::NotFinite`] if an entry is NaN or infinite; it names row and column.
     pub fn new(values: &'a [f64], dims: usize) -> Result<Self> {
         if dims == 0 {
-            return Err(GpError::Empty {
-                what: "columns of points",
-            });
+            return Err(GpError::Empty { what: "columns of points" });
         }
         let whole = values.len() / dims * dims;
         if whole != values.len() {

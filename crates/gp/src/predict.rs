@@ -124,16 +124,10 @@ impl Gp {
     ) -> Result<()> {
         check_len("columns of points", self.dims, points.dims())?;
         check_len("length of mean", points.len(), mean.len())?;
-        check_len(
-            "length of latent_variance",
-            points.len(),
-            latent_variance.len(),
-        )?;
+        check_len("length of latent_variance", points.len(), latent_variance.len())?;
         if self.mean != Mean::Zero {
             for (i, x) in points.rows().enumerate() {
-                let at = self
-                    .predict_with(x, scratch)
-                    .map_err(|error| at_row(error, i))?;
+                let at = self.predict_with(x, scratch).map_err(|error| at_row(error, i))?;
                 (mean[i], latent_variance[i]) = (at.mean, at.latent_variance);
             }
             return Ok(());
@@ -155,9 +149,8 @@ impl Gp {
             for q in 0..count {
                 let variance = self.hyperparameters.signal_variance - explained[q];
                 mean[first + q] = means[q] + self.offset;
-                latent_variance[first + q] = self
-                    .checked_variance(variance)
-                    .map_err(|error| at_row(error, first + q))?;
+                latent_variance[first + q] =
+                    self.checked_variance(variance).map_err(|error| at_row(error, first + q))?;
             }
         }
         Ok(())
@@ -174,10 +167,8 @@ impl Gp {
         let (mean, explained) = with_profile!(self.kernel, profile => {
             self.arch.dispatch(Moments { profile, gp: self, z, k })
         });
-        let mut prediction = Prediction {
-            mean: mean + self.offset,
-            latent_variance: self.hyperparameters.signal_variance - explained,
-        };
+        let mut prediction =
+            Prediction { mean: mean + self.offset, latent_variance: self.hyperparameters.signal_variance - explained };
         if self.mean != Mean::Zero {
             let mut rest = [0.0; SMALL];
             self.with_trend(x, k, &mut rest, &mut prediction);
@@ -200,10 +191,7 @@ impl Gp {
         self.frame.basis(self.mean, x, rest);
         to.mean += dot(rest, &self.trend.beta);
         small_forward(&self.trend.factor, m, rest);
-        for (rest, weights) in rest
-            .iter_mut()
-            .zip(self.trend.weights.chunks_exact(self.stride))
-        {
+        for (rest, weights) in rest.iter_mut().zip(self.trend.weights.chunks_exact(self.stride)) {
             *rest -= dot(weights, k);
         }
         to.latent_variance += dot(rest, rest);
@@ -260,11 +248,7 @@ impl Gp {
         scratch: &mut Scratch,
     ) -> Result<Prediction> {
         check_len("length of mean_gradient", self.dims, mean_gradient.len())?;
-        check_len(
-            "length of latent_variance_gradient",
-            self.dims,
-            latent_variance_gradient.len(),
-        )?;
+        check_len("length of latent_variance_gradient", self.dims, latent_variance_gradient.len())?;
         let (n, stride, m) = (self.y.len(), self.stride, self.trend.beta.len());
         let buffer = scratch.take(3 * stride + 2 * self.dims + 2 * m);
         let (front, rest) = buffer.split_at_mut(stride + self.dims);
@@ -311,11 +295,8 @@ impl Gp {
 
     /// `σ_f² h(r)` between training point `i` and the scaled input `z`.
     fn slope_at(&self, i: usize, z: &[f64]) -> f64 {
-        let squared: f64 = (0..self.dims)
-            .map(|d| (self.z[d * self.stride + i] - z[d]).powi(2))
-            .sum();
-        self.kernel
-            .slope(squared, self.hyperparameters.signal_variance)
+        let squared: f64 = (0..self.dims).map(|d| (self.z[d * self.stride + i] - z[d]).powi(2)).sum();
+        self.kernel.slope(squared, self.hyperparameters.signal_variance)
     }
 }
 
@@ -353,14 +334,7 @@ impl<P: Profile> WithSimd for Moments<'_, P> {
             k,
         }
         .with_simd(simd);
-        (
-            mean,
-            NormSquared {
-                factor: &gp.factor,
-                k,
-            }
-            .with_simd(simd),
-        )
+        (mean, NormSquared { factor: &gp.factor, k }.with_simd(simd))
     }
 }
 
@@ -380,15 +354,7 @@ impl<P: Profile> WithSimd for CrossCovariance<'_, P> {
     type Output = f64;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let Self {
-            profile,
-            signal_variance,
-            stride,
-            points,
-            weights,
-            z,
-            k,
-        } = self;
+        let Self { profile, signal_variance, stride, points, weights, z, k } = self;
         let scale = simd.splat_f64s(signal_variance);
         let mut mean = simd.splat_f64s(0.0);
         let (k, _) = S::as_mut_simd_f64s(k);

@@ -41,14 +41,11 @@ impl Gp {
         let mut buffer = vec![0.0; stride + self.dims];
         let mut covariance = vec![0.0; count * count];
         for (i, x) in points.rows().enumerate() {
-            let at = self
-                .moments(x, &mut buffer)
-                .map_err(|error| crate::predict::at_row(error, i))?;
+            let at = self.moments(x, &mut buffer).map_err(|error| crate::predict::at_row(error, i))?;
             mean[i] = at.mean;
             covariance[i * count + i] = at.latent_variance;
             let k = &buffer[..stride];
-            self.factor
-                .product(k, &mut whitened[i * stride..(i + 1) * stride]);
+            self.factor.product(k, &mut whitened[i * stride..(i + 1) * stride]);
             let u = &mut rest[i * m..(i + 1) * m];
             self.frame.basis(self.mean, x, u);
             small_forward(&self.trend.factor, m, u);
@@ -59,17 +56,10 @@ impl Gp {
         for i in 0..count {
             for j in 0..i {
                 let (a, b) = (points.row(i), points.row(j));
-                let squared: f64 = (0..self.dims)
-                    .map(|d| ((a[d] - b[d]) * self.inverse_scales[d]).powi(2))
-                    .sum();
-                let prior = self
-                    .kernel
-                    .covariance(squared, self.hyperparameters.signal_variance);
+                let squared: f64 = (0..self.dims).map(|d| ((a[d] - b[d]) * self.inverse_scales[d]).powi(2)).sum();
+                let prior = self.kernel.covariance(squared, self.hyperparameters.signal_variance);
                 let value = prior
-                    - dot(
-                        &whitened[i * stride..(i + 1) * stride],
-                        &whitened[j * stride..(j + 1) * stride],
-                    )
+                    - dot(&whitened[i * stride..(i + 1) * stride], &whitened[j * stride..(j + 1) * stride])
                     + dot(&rest[i * m..(i + 1) * m], &rest[j * m..(j + 1) * m]);
                 covariance[i * count + j] = value;
                 covariance[j * count + i] = value;
@@ -121,25 +111,17 @@ impl Gp {
     ) -> Result<()> {
         let count = points.len();
         check_len("length of out", count, out.len())?;
-        let JointPrediction {
-            mean,
-            mut covariance,
-        } = self.predict_joint(points)?;
+        let JointPrediction { mean, mut covariance } = self.predict_joint(points)?;
         let normals: Vec<f64> = (0..count).map(|_| StandardNormal.sample(rng)).collect();
         out.copy_from_slice(&mean);
         let mut diagonal: Vec<f64> = (0..count).map(|i| covariance[i * count + i]).collect();
         let least = PIVOT_ROUND_OFF * self.hyperparameters.signal_variance;
         let mut used = vec![false; count];
         for normal in &normals {
-            let largest = (0..count)
-                .filter(|&i| !used[i])
-                .max_by(|&a, &b| diagonal[a].total_cmp(&diagonal[b]));
+            let largest = (0..count).filter(|&i| !used[i]).max_by(|&a, &b| diagonal[a].total_cmp(&diagonal[b]));
             let Some(pivot) = largest else { break };
             if diagonal[pivot].is_nan() {
-                return Err(GpError::Variance {
-                    row: pivot,
-                    variance: diagonal[pivot],
-                });
+                return Err(GpError::Variance { row: pivot, variance: diagonal[pivot] });
             }
             if diagonal[pivot] <= least {
                 break;
@@ -147,15 +129,8 @@ impl Gp {
             used[pivot] = true;
             // This pivot's column of the factor; what is left is the covariance given it.
             let root = diagonal[pivot].sqrt();
-            let column: Vec<f64> = (0..count)
-                .map(|i| {
-                    if i == pivot {
-                        root
-                    } else {
-                        covariance[i * count + pivot] / root
-                    }
-                })
-                .collect();
+            let column: Vec<f64> =
+                (0..count).map(|i| if i == pivot { root } else { covariance[i * count + pivot] / root }).collect();
             for i in 0..count {
                 if used[i] && i != pivot {
                     continue;

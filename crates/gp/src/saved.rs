@@ -70,31 +70,16 @@ impl SavedGp {
         let scalars = [h.signal_variance, h.noise_variance, self.offset];
         let factor = self.factor.iter().flatten();
         let rows = self.inputs.iter().flatten();
-        let vectors = h
-            .length_scales
-            .iter()
-            .chain(&self.centre)
-            .chain(&self.spread);
-        let numbers = scalars
-            .iter()
-            .chain(vectors)
-            .chain(rows)
-            .chain(&self.targets)
-            .chain(factor);
-        digest_of(
-            [self.kernel as u64, self.mean as u64, self.updates as u64],
-            numbers,
-        )
+        let vectors = h.length_scales.iter().chain(&self.centre).chain(&self.spread);
+        let numbers = scalars.iter().chain(vectors).chain(rows).chain(&self.targets).chain(factor);
+        digest_of([self.kernel as u64, self.mean as u64, self.updates as u64], numbers)
     }
 }
 
 /// FNV-1a over whole numbers and the bits of real ones.
 pub(crate) fn digest_of<'a>(whole: [u64; 3], numbers: impl Iterator<Item = &'a f64>) -> String {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    for bits in whole
-        .into_iter()
-        .chain(numbers.map(|number| number.to_bits()))
-    {
+    for bits in whole.into_iter().chain(numbers.map(|number| number.to_bits())) {
         for byte in bits.to_le_bytes() {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
@@ -152,11 +137,7 @@ impl TryFrom<SavedGp> for Gp {
         let found = saved.digest();
         if found != saved.checksum {
             let expected = saved.checksum;
-            return Err(GpError::Corrupt {
-                what: "checksum",
-                expected,
-                found,
-            });
+            return Err(GpError::Corrupt { what: "checksum", expected, found });
         }
         let dims = saved.hyperparameters.length_scales.len();
         for row in &saved.inputs {
@@ -170,10 +151,7 @@ impl TryFrom<SavedGp> for Gp {
         let x: Vec<f64> = saved.inputs.concat();
         let points = Points::new(&x, dims)?;
         check_data(points, &saved.targets)?;
-        let frame = Frame {
-            centre: saved.centre,
-            spread: saved.spread,
-        };
+        let frame = Frame { centre: saved.centre, spread: saved.spread };
         let mut gp = Self::conditioned(
             points,
             &saved.targets,
@@ -203,11 +181,7 @@ impl TryFrom<SavedGp> for Gp {
 impl From<MultiGp> for SavedMultiGp {
     fn from(multi: MultiGp) -> Self {
         let models = multi.models().iter().cloned().map(SavedGp::from).collect();
-        Self {
-            format: MULTI_FORMAT.to_owned(),
-            version: VERSION,
-            models,
-        }
+        Self { format: MULTI_FORMAT.to_owned(), version: VERSION, models }
     }
 }
 

@@ -39,22 +39,14 @@ impl LeaveOneOut {
     /// Residuals over their predicted standard deviations, shape `(N,)`.
     #[must_use]
     pub fn standardized_residuals(&self) -> Vec<f64> {
-        self.residuals
-            .iter()
-            .zip(&self.variances)
-            .map(|(r, v)| r / v.sqrt())
-            .collect()
+        self.residuals.iter().zip(&self.variances).map(|(r, v)| r / v.sqrt()).collect()
     }
 
     /// Log predictive density of each left-out observation, in nats, shape `(N,)`
     /// \[RW06, eq. (5.10)\].
     #[must_use]
     pub fn log_densities(&self) -> Vec<f64> {
-        self.residuals
-            .iter()
-            .zip(&self.variances)
-            .map(|(r, v)| log_density(*r, *v))
-            .collect()
+        self.residuals.iter().zip(&self.variances).map(|(r, v)| log_density(*r, *v)).collect()
     }
 
     /// Share of the observations inside the central interval that should hold `level` of them.
@@ -116,26 +108,15 @@ impl Gp {
         let mut residuals = Vec::with_capacity(n);
         let mut variances = Vec::with_capacity(n);
         for (i, inverse) in self.factor.inverse_diagonal().into_iter().enumerate() {
-            let trend: f64 = self
-                .trend
-                .weights
-                .chunks_exact(self.stride)
-                .map(|w| w[i] * w[i])
-                .sum();
+            let trend: f64 = self.trend.weights.chunks_exact(self.stride).map(|w| w[i] * w[i]).sum();
             let precision = inverse - trend;
             if precision.is_nan() || precision <= UNDETERMINED * inverse {
-                return Err(GpError::MeanNotIdentifiable {
-                    points: n - 1,
-                    coefficients: self.trend.beta.len(),
-                });
+                return Err(GpError::MeanNotIdentifiable { points: n - 1, coefficients: self.trend.beta.len() });
             }
             residuals.push(self.alpha[i] / precision);
             variances.push(1.0 / precision);
         }
-        Ok(LeaveOneOut {
-            residuals,
-            variances,
-        })
+        Ok(LeaveOneOut { residuals, variances })
     }
 }
 
@@ -154,9 +135,7 @@ pub(crate) fn log_density(residual: f64, variance: f64) -> f64 {
 /// ```
 #[must_use]
 pub fn coverage(standardized_residuals: &[f64], level: f64) -> f64 {
-    let inside = standardized_residuals
-        .iter()
-        .filter(|z| central_probability(z.abs()) <= level);
+    let inside = standardized_residuals.iter().filter(|z| central_probability(z.abs()) <= level);
     inside.count() as f64 / standardized_residuals.len() as f64
 }
 
@@ -181,11 +160,7 @@ mod tests {
 
     #[test]
     fn central_probabilities_are_the_table_s() {
-        for (z, p) in [
-            (0.674_489_750_196_082, 0.5),
-            (1.959_963_984_540_054, 0.95),
-            (3.0, 0.997_300_203_936_740),
-        ] {
+        for (z, p) in [(0.674_489_750_196_082, 0.5), (1.959_963_984_540_054, 0.95), (3.0, 0.997_300_203_936_740)] {
             assert!((central_probability(z) - p).abs() < 1e-12);
         }
         assert!(central_probability(0.0).abs() < 1e-15);

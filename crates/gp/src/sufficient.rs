@@ -108,16 +108,11 @@ pub fn sufficient_inducing<R: Rng + ?Sized>(
     let (queries, targets) = held_out;
     check_len("length of held-out y", queries.len(), targets.len())?;
     if targets.is_empty() {
-        return Err(GpError::Empty {
-            what: "held-out points",
-        });
+        return Err(GpError::Empty { what: "held-out points" });
     }
     check_sizes(sizes, points.len())?;
     search(sizes, threshold, |size| {
-        let options = SparseOptions {
-            inducing: size,
-            ..options.clone()
-        };
+        let options = SparseOptions { inducing: size, ..options.clone() };
         let gp = SparseGp::fit(points, y, &options, rng)?;
         let (mut mean, mut variance) = (vec![0.0; targets.len()], vec![0.0; targets.len()]);
         gp.predict_batch(queries, &mut mean, &mut variance, &mut Scratch::new())?;
@@ -133,28 +128,16 @@ fn check_sizes(sizes: &[usize], limit: usize) -> Result<usize> {
     for pair in sizes.windows(2) {
         if pair[0] >= pair[1] {
             let what = "sizes (growing)";
-            return Err(GpError::Shape {
-                what,
-                expected: pair[0] + 1,
-                found: pair[1],
-            });
+            return Err(GpError::Shape { what, expected: pair[0] + 1, found: pair[1] });
         }
     }
     if sizes[0] == 0 || largest > limit {
-        return Err(GpError::Shape {
-            what: "largest size",
-            expected: limit,
-            found: largest,
-        });
+        return Err(GpError::Shape { what: "largest size", expected: limit, found: largest });
     }
     Ok(largest)
 }
 
-fn search<M>(
-    sizes: &[usize],
-    threshold: f64,
-    mut fit: impl FnMut(usize) -> Result<(f64, M)>,
-) -> Result<Sufficient<M>> {
+fn search<M>(sizes: &[usize], threshold: f64, mut fit: impl FnMut(usize) -> Result<(f64, M)>) -> Result<Sufficient<M>> {
     check_positive("threshold", threshold)?;
     let mut errors = Vec::new();
     for &size in sizes {

@@ -43,16 +43,8 @@ pub(crate) fn exp<S: Simd>(simd: S, x: S::f64s) -> S::f64s {
     let r4 = simd.mul_f64s(r2, r2);
     let r8 = simd.mul_f64s(r4, r4);
     let a = simd.mul_add_e_f64s(pair(1.0 / 2.0, 1.0 / 6.0), r2, pair(1.0, 1.0));
-    let b = simd.mul_add_e_f64s(
-        pair(1.0 / 720.0, 1.0 / 5040.0),
-        r2,
-        pair(1.0 / 24.0, 1.0 / 120.0),
-    );
-    let c = simd.mul_add_e_f64s(
-        pair(1.0 / 3_628_800.0, 1.0 / 39_916_800.0),
-        r2,
-        pair(1.0 / 40_320.0, 1.0 / 362_880.0),
-    );
+    let b = simd.mul_add_e_f64s(pair(1.0 / 720.0, 1.0 / 5040.0), r2, pair(1.0 / 24.0, 1.0 / 120.0));
+    let c = simd.mul_add_e_f64s(pair(1.0 / 3_628_800.0, 1.0 / 39_916_800.0), r2, pair(1.0 / 40_320.0, 1.0 / 362_880.0));
     let c = simd.mul_add_e_f64s(r4, splat(1.0 / 479_001_600.0), c);
     let low = simd.mul_add_e_f64s(b, r4, a);
     let polynomial = simd.mul_add_e_f64s(c, r8, low);
@@ -103,14 +95,8 @@ mod tests {
         Simd::vectorize(pulp::Scalar, Exp(&mut scalar));
         for ((&x, &vector), &scalar) in arguments.iter().zip(&values).zip(&scalar) {
             let expected = x.exp();
-            assert!(
-                (vector - expected).abs() <= EXP_TOLERANCE * expected,
-                "exp({x}) = {vector}"
-            );
-            assert!(
-                (scalar - expected).abs() <= EXP_TOLERANCE * expected,
-                "exp({x}) = {scalar}"
-            );
+            assert!((vector - expected).abs() <= EXP_TOLERANCE * expected, "exp({x}) = {vector}");
+            assert!((scalar - expected).abs() <= EXP_TOLERANCE * expected, "exp({x}) = {scalar}");
         }
     }
 
@@ -121,9 +107,6 @@ mod tests {
         values[2] = -1e300;
         values[3] = f64::NEG_INFINITY;
         pulp::Arch::new().dispatch(Exp(&mut values));
-        assert_eq!(
-            values[..4].iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
-            [1.0_f64.to_bits(), 0, 0, 0]
-        );
+        assert_eq!(values[..4].iter().map(|v| v.to_bits()).collect::<Vec<_>>(), [1.0_f64.to_bits(), 0, 0, 0]);
     }
 }

@@ -1,49 +1,28 @@
 //! What must hold of exact regression whatever the kernel and mean.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index runs over several arrays"
-)]
+#![allow(clippy::needless_range_loop, reason = "an index runs over several arrays")]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_gp::{
-    Bounds, Draw, FitOptions, Gp, Hyperparameters, Kernel, Mean, MultiGp, Points, Prior, Priors,
-    Range, Scratch,
+    Bounds, Draw, FitOptions, Gp, Hyperparameters, Kernel, Mean, MultiGp, Points, Prior, Priors, Range, Scratch,
 };
 
-const KERNELS: [Kernel; 3] = [
-    Kernel::SquaredExponential,
-    Kernel::Matern32,
-    Kernel::Matern52,
-];
+const KERNELS: [Kernel; 3] = [Kernel::SquaredExponential, Kernel::Matern32, Kernel::Matern52];
 const MEANS: [Mean; 3] = [Mean::Zero, Mean::Constant, Mean::Linear];
 const DIMS: usize = 2;
 
 fn data(n: usize) -> (Vec<f64>, Vec<f64>) {
-    let x: Vec<f64> = (0..n * DIMS)
-        .map(|i| 1.5 * ((i * i * 5 + i) as f64).sin())
-        .collect();
+    let x: Vec<f64> = (0..n * DIMS).map(|i| 1.5 * ((i * i * 5 + i) as f64).sin()).collect();
     let y = x.chunks_exact(DIMS).enumerate();
     let y = y.map(|(i, x)| (2.0 * x[0]).sin() + 0.5 * x[1] + 0.1 * (37.0 * i as f64).sin() + 1.0);
     (x.clone(), y.collect())
 }
 
 fn condition(x: &[f64], y: &[f64], kernel: Kernel, mean: Mean) -> Gp {
-    let hyperparameters = Hyperparameters {
-        length_scales: vec![0.7, 1.3],
-        signal_variance: 1.5,
-        noise_variance: 0.02,
-    };
-    Gp::condition(
-        Points::new(x, DIMS).unwrap(),
-        y,
-        kernel,
-        mean,
-        hyperparameters,
-    )
-    .unwrap()
+    let hyperparameters = Hyperparameters { length_scales: vec![0.7, 1.3], signal_variance: 1.5, noise_variance: 0.02 };
+    Gp::condition(Points::new(x, DIMS).unwrap(), y, kernel, mean, hyperparameters).unwrap()
 }
 
 fn each(mut check: impl FnMut(Kernel, Mean)) {
@@ -56,17 +35,11 @@ fn each(mut check: impl FnMut(Kernel, Mean)) {
 
 fn assert_same(a: &Gp, b: &Gp, tolerance: f64) {
     let evidence = (a.log_marginal_likelihood() - b.log_marginal_likelihood()).abs();
-    assert!(
-        evidence < tolerance * (1.0 + a.log_marginal_likelihood().abs()),
-        "{evidence}"
-    );
+    assert!(evidence < tolerance * (1.0 + a.log_marginal_likelihood().abs()), "{evidence}");
     for x in [[0.1, -0.4], [1.2, 0.9], [3.0, -3.0]] {
         let (p, q) = (a.predict(&x).unwrap(), b.predict(&x).unwrap());
         assert!((p.mean - q.mean).abs() < tolerance, "{p:?} {q:?}");
-        assert!(
-            (p.latent_variance - q.latent_variance).abs() < tolerance,
-            "{p:?} {q:?}"
-        );
+        assert!((p.latent_variance - q.latent_variance).abs() < tolerance, "{p:?} {q:?}");
     }
 }
 
@@ -118,8 +91,7 @@ fn gradients_of_a_prediction_agree_with_central_differences() {
         let mut scratch = Scratch::new();
         let at = [0.37, -0.81];
         let (mut dm, mut dv) = ([0.0; DIMS], [0.0; DIMS]);
-        gp.predict_gradient(&at, &mut dm, &mut dv, &mut scratch)
-            .unwrap();
+        gp.predict_gradient(&at, &mut dm, &mut dv, &mut scratch).unwrap();
         for d in 0..DIMS {
             let step = 1e-5;
             let mut moved = at;
@@ -129,16 +101,8 @@ fn gradients_of_a_prediction_agree_with_central_differences() {
             let below = gp.predict(&moved).unwrap();
             let mean = (above.mean - below.mean) / (2.0 * step);
             let variance = (above.latent_variance - below.latent_variance) / (2.0 * step);
-            assert!(
-                (dm[d] - mean).abs() < 1e-8,
-                "{kernel:?} {mean:?} {} {mean}",
-                dm[d]
-            );
-            assert!(
-                (dv[d] - variance).abs() < 1e-8,
-                "{kernel:?} {} {variance}",
-                dv[d]
-            );
+            assert!((dm[d] - mean).abs() < 1e-8, "{kernel:?} {mean:?} {} {mean}", dm[d]);
+            assert!((dv[d] - variance).abs() < 1e-8, "{kernel:?} {} {variance}", dv[d]);
         }
     });
 }
@@ -146,15 +110,12 @@ fn gradients_of_a_prediction_agree_with_central_differences() {
 #[test]
 fn a_batch_agrees_with_single_predictions_and_the_joint_with_both() {
     let (x, y) = data(45);
-    let queries: Vec<f64> = (0..19 * DIMS)
-        .map(|i| (i as f64 * 0.77).cos() * 2.0)
-        .collect();
+    let queries: Vec<f64> = (0..19 * DIMS).map(|i| (i as f64 * 0.77).cos() * 2.0).collect();
     let queries = Points::new(&queries, DIMS).unwrap();
     each(|kernel, mean| {
         let gp = condition(&x, &y, kernel, mean);
         let (mut means, mut variances) = ([0.0; 19], [0.0; 19]);
-        gp.predict_batch(queries, &mut means, &mut variances, &mut Scratch::new())
-            .unwrap();
+        gp.predict_batch(queries, &mut means, &mut variances, &mut Scratch::new()).unwrap();
         let joint = gp.predict_joint(queries).unwrap();
         for (i, x) in queries.rows().enumerate() {
             let at = gp.predict(x).unwrap();
@@ -177,8 +138,7 @@ fn draws_have_the_joint_covariance() {
     let mut sums = [0.0; 9];
     for _ in 0..draws {
         let mut out = [0.0; 3];
-        gp.sample_joint(queries, Draw::Latent, &mut rng, &mut out)
-            .unwrap();
+        gp.sample_joint(queries, Draw::Latent, &mut rng, &mut out).unwrap();
         for i in 0..3 {
             for j in 0..3 {
                 sums[i * 3 + j] += (out[i] - joint.mean[i]) * (out[j] - joint.mean[j]);
@@ -206,11 +166,7 @@ fn standardizing_changes_the_units_of_bounds_not_the_model() {
         starts: 1, // others begin at random places, in units of their own
         ..FitOptions::default()
     };
-    let standard = FitOptions {
-        standardize_inputs: true,
-        standardize_outputs: true,
-        ..plain.clone()
-    };
+    let standard = FitOptions { standardize_inputs: true, standardize_outputs: true, ..plain.clone() };
     let a = Gp::fit(points, &y, &plain, &mut rng).unwrap();
     let b = Gp::fit(points, &y, &standard, &mut rng).unwrap();
     assert_same(&a, &b, 1e-6);
@@ -226,15 +182,9 @@ fn a_rescaled_unit_rescales_the_answer() {
     let far: Vec<f64> = x.iter().map(|x| 1e6 * x).collect();
     let tall: Vec<f64> = y.iter().map(|y| 1e-3 * y).collect();
     let b = Gp::fit(Points::new(&far, DIMS).unwrap(), &tall, &options, &mut rng).unwrap();
-    let (p, q) = (
-        a.predict(&[0.3, 0.2]).unwrap(),
-        b.predict(&[3e5, 2e5]).unwrap(),
-    );
+    let (p, q) = (a.predict(&[0.3, 0.2]).unwrap(), b.predict(&[3e5, 2e5]).unwrap());
     assert!((p.mean - 1e3 * q.mean).abs() < 1e-5, "{p:?} {q:?}");
-    assert!(
-        (p.latent_variance - 1e6 * q.latent_variance).abs() < 1e-5,
-        "{p:?} {q:?}"
-    );
+    assert!((p.latent_variance - 1e6 * q.latent_variance).abs() < 1e-5, "{p:?} {q:?}");
 }
 
 #[test]
@@ -242,49 +192,16 @@ fn bounds_hold_and_priors_pull() {
     let (x, y) = data(30);
     let points = Points::new(&x, DIMS).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let bounds = Bounds {
-        length_scales: Some(vec![Range::fixed(0.9), Range::new(0.1, 0.5)]),
-        ..Bounds::default()
-    };
-    let gp = Gp::fit(
-        points,
-        &y,
-        &FitOptions {
-            bounds,
-            ..FitOptions::default()
-        },
-        &mut rng,
-    )
-    .unwrap();
+    let bounds = Bounds { length_scales: Some(vec![Range::fixed(0.9), Range::new(0.1, 0.5)]), ..Bounds::default() };
+    let gp = Gp::fit(points, &y, &FitOptions { bounds, ..FitOptions::default() }, &mut rng).unwrap();
     let scales = &gp.hyperparameters().length_scales;
-    assert!(
-        (scales[0] - 0.9).abs() < 1e-12 && scales[1] <= 0.5 + 1e-12,
-        "{scales:?}"
-    );
+    assert!((scales[0] - 0.9).abs() < 1e-12 && scales[1] <= 0.5 + 1e-12, "{scales:?}");
     let text = gp.card().to_string();
-    assert!(
-        text.contains("length_scales[1] = 5.000e-1 is at its upper bound"),
-        "{text}"
-    );
+    assert!(text.contains("length_scales[1] = 5.000e-1 is at its upper bound"), "{text}");
 
-    let tight = Prior::LogNormal {
-        median: 0.3,
-        log_std: 1e-3,
-    };
-    let priors = Priors {
-        noise_variance: Some(tight),
-        ..Priors::default()
-    };
-    let gp = Gp::fit(
-        points,
-        &y,
-        &FitOptions {
-            priors,
-            ..FitOptions::default()
-        },
-        &mut rng,
-    )
-    .unwrap();
+    let tight = Prior::LogNormal { median: 0.3, log_std: 1e-3 };
+    let priors = Priors { noise_variance: Some(tight), ..Priors::default() };
+    let gp = Gp::fit(points, &y, &FitOptions { priors, ..FitOptions::default() }, &mut rng).unwrap();
     assert!((gp.hyperparameters().noise_variance - 0.3).abs() < 1e-3);
 }
 
@@ -293,10 +210,7 @@ fn more_starts_are_never_worse_and_repeat_with_the_seed() {
     let (x, y) = data(12);
     let points = Points::new(&x, DIMS).unwrap();
     let fit = |starts: usize| {
-        let options = FitOptions {
-            starts,
-            ..FitOptions::default()
-        };
+        let options = FitOptions { starts, ..FitOptions::default() };
         Gp::fit(points, &y, &options, &mut ChaCha8Rng::seed_from_u64(9)).unwrap()
     };
     let (one, six) = (fit(1), fit(6));
@@ -314,9 +228,7 @@ fn outputs_together_are_those_one_by_one() {
     let map = MultiGp::fit(points, &[&y, &other], &FitOptions::default(), &mut rng).unwrap();
     let again = MultiGp::from_json(&map.to_json().unwrap()).unwrap();
     let (mut mean, mut variance) = ([0.0; 2], [0.0; 2]);
-    again
-        .predict_into(&[0.2, 0.1], &mut mean, &mut variance)
-        .unwrap();
+    again.predict_into(&[0.2, 0.1], &mut mean, &mut variance).unwrap();
     for e in 0..2 {
         let at = map.models()[e].predict(&[0.2, 0.1]).unwrap();
         assert_eq!(at.mean.to_bits(), mean[e].to_bits());
@@ -324,10 +236,7 @@ fn outputs_together_are_those_one_by_one() {
     }
     let (mut p, mut q) = ([0.0; 2], [0.0; 2]);
     let (mut r, mut s) = (ChaCha8Rng::seed_from_u64(4), ChaCha8Rng::seed_from_u64(4));
-    map.sample_into(&[0.2, 0.1], Draw::Observation, &mut r, &mut p)
-        .unwrap();
-    again
-        .sample_into(&[0.2, 0.1], Draw::Observation, &mut s, &mut q)
-        .unwrap();
+    map.sample_into(&[0.2, 0.1], Draw::Observation, &mut r, &mut p).unwrap();
+    again.sample_into(&[0.2, 0.1], Draw::Observation, &mut s, &mut q).unwrap();
     assert_eq!(p.map(f64::to_bits), q.map(f64::to_bits));
 }

@@ -14,10 +14,7 @@ use stridemap_record::{StridePhase, StrideRole, Transition, Walk, WalkTimes};
 use stridemap_returnmap::StrideEnd;
 
 /// How long each walks, and over which part the speed is taken.
-const TIMES: WalkTimes = WalkTimes {
-    walk_s: 60.0,
-    speed_s: 30.0,
-};
+const TIMES: WalkTimes = WalkTimes { walk_s: 60.0, speed_s: 30.0 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -35,12 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let strides = drive(
                 &mut plant,
                 &mut Walker::new(&policy, TIMES.walk_s),
-                Batch {
-                    iteration: 0,
-                    phase: StridePhase::Record,
-                    role: StrideRole::Record,
-                    strides: usize::MAX,
-                },
+                Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: usize::MAX },
                 &mut stream(seed, Role::Record, 7),
                 &mut |_, _| {},
                 &mut |_| Ok(()),

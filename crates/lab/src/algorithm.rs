@@ -13,9 +13,7 @@ use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_learn::{SavedPolicy, TrialSummary};
-use stridemap_returnmap::{
-    LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess,
-};
+use stridemap_returnmap::{LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess};
 
 use crate::error::LabError;
 use crate::learner::Known;
@@ -29,8 +27,8 @@ use crate::suffices::FEWEST;
 use crate::task::Task;
 use crate::walk::Walker;
 use stridemap_record::{
-    GuardWarning, InPlace, Iteration, Pace, Performance, Phase, Recording, RobotFall, Seconds,
-    StridePhase, StrideRole, Transition, Walk,
+    GuardWarning, InPlace, Iteration, Pace, Performance, Phase, Recording, RobotFall, Seconds, StridePhase, StrideRole,
+    Transition, Walk,
 };
 
 /// Robot time from a fresh start up to which a time lapse is recorded.
@@ -182,15 +180,7 @@ impl<'a> Algorithm<'a> {
     #[must_use]
     pub fn on(task: &'a Task, seed: u64, mut plant: Plant, mut progress: Progress) -> Self {
         plant.recall(std::mem::take(&mut progress.unfinished));
-        Self {
-            task,
-            seed,
-            plant,
-            progress,
-            explored: Default::default(),
-            falls_noted: 0,
-            stops_falling: true,
-        }
+        Self { task, seed, plant, progress, explored: Default::default(), falls_noted: 0, stops_falling: true }
     }
 
     /// The same however often the robot falls: for experiments in simulation that set learners beside one
@@ -278,22 +268,15 @@ impl<'a> Algorithm<'a> {
         if done >= self.task.algorithm.iterations {
             return true;
         }
-        let trial = self
-            .task
-            .caution
-            .as_ref()
-            .map_or(1, |c| c.proof.trial_strides);
+        let trial = self.task.caution.as_ref().map_or(1, |c| c.proof.trial_strides);
         if done > 0 && self.strides_left() < trial {
             return true;
         }
         let Some(least) = self.task.algorithm.stop_below_improvement else {
             return false;
         };
-        let rewards: Vec<f64> = progress
-            .iterations
-            .iter()
-            .filter_map(|i| i.evaluation.map(|e| e.mean_reward))
-            .collect();
+        let rewards: Vec<f64> =
+            progress.iterations.iter().filter_map(|i| i.evaluation.map(|e| e.mean_reward)).collect();
         match rewards.split_last() {
             Some((last, before)) if !before.is_empty() => {
                 let best = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -315,9 +298,7 @@ impl<'a> Algorithm<'a> {
         let mut rng = stream(self.seed, stream_of.0, stream_of.1);
         let source = match (policy, batch.phase) {
             (None, _) => ActionSource::Explore(&self.task.collect.explore),
-            (Some(p), StridePhase::Collect) => {
-                ActionSource::Sample(p, &self.task.collect.later_noise_std)
-            }
+            (Some(p), StridePhase::Collect) => ActionSource::Sample(p, &self.task.collect.later_noise_std),
             (Some(p), _) => ActionSource::Mean(p),
         };
         self.make(&mut Actor::new(&source), batch, what, &mut rng, recorder)
@@ -343,14 +324,7 @@ impl<'a> Algorithm<'a> {
         let counted = falls.filter(|f| self.task.counts_falls_in(f.phase)).count();
         let left = self.task.algorithm.falls_at_most.saturating_sub(counted);
         self.plant.allow_falls(limited.then_some(left));
-        let made = drive(
-            &mut self.plant,
-            actor,
-            batch,
-            rng,
-            &mut |_, _| {},
-            &mut |t| recorder.stride(t, what),
-        );
+        let made = drive(&mut self.plant, actor, batch, rng, &mut |_, _| {}, &mut |t| recorder.stride(t, what));
         self.plant.allow_falls(None);
         self.progress.seconds.simulation += started.elapsed().as_secs_f64();
         self.note_falls(batch, what, before.strides);
@@ -364,15 +338,13 @@ impl<'a> Algorithm<'a> {
     /// Takes the plant's new falls into the progress, as those of a batch that began after some strides.
     fn note_falls(&mut self, batch: Batch, what: Option<&str>, strides_before: usize) {
         let new = self.plant.falls().iter().skip(self.falls_noted);
-        self.progress
-            .falls
-            .extend(new.map(|(stride, fall)| RobotFall {
-                iteration: batch.iteration,
-                phase: batch.phase,
-                what: what.map(Into::into),
-                stride: stride.map(|s| s.saturating_sub(strides_before)),
-                fall: *fall,
-            }));
+        self.progress.falls.extend(new.map(|(stride, fall)| RobotFall {
+            iteration: batch.iteration,
+            phase: batch.phase,
+            what: what.map(Into::into),
+            stride: stride.map(|s| s.saturating_sub(strides_before)),
+            fall: *fall,
+        }));
         self.falls_noted = self.plant.falls().len();
     }
 
@@ -397,9 +369,7 @@ impl<'a> Algorithm<'a> {
         let policy = self.progress.best_policy().cloned();
         let filming = self.film(index == 0 && batch.strides > 0, false);
         let collected = match (policy, self.task.collect.until_error) {
-            (None, Some(error)) if index == 0 && batch.strides > 0 => {
-                self.collect_until(error, batch, recorder)
-            }
+            (None, Some(error)) if index == 0 && batch.strides > 0 => self.collect_until(error, batch, recorder),
             (policy, _) => self.collect_batch(policy.as_ref(), batch, 0, recorder),
         };
         let takes = filming.end(&mut self.plant);
@@ -408,8 +378,7 @@ impl<'a> Algorithm<'a> {
         if self.task.caution.is_some() && index == 0 && batch.strides == 0 {
             // Nothing was explored, but thresholds need to know how the robot steps in place.
             let before = self.plant.counters();
-            self.plant
-                .reset(&mut stream(self.seed, Role::Collect, index as u64))?;
+            self.plant.reset(&mut stream(self.seed, Role::Collect, index as u64))?;
             counted = self.plant.counters().since(before);
         }
         let relative = self.task.caution.is_some() || self.task.failure.psi_roll_relative;
@@ -480,20 +449,12 @@ impl<'a> Algorithm<'a> {
     /// # Errors
     ///
     /// [`LabError::Learn`], or of the recorder.
-    pub fn improve(
-        &mut self,
-        map: &LearnedMap,
-        recorder: &mut dyn Recorder,
-    ) -> Result<(), LabError> {
+    pub fn improve(&mut self, map: &LearnedMap, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         self.improve_on(Some(map), recorder)
     }
 
     /// Step 4 in the map, or by a control that needs none.
-    fn improve_on(
-        &mut self,
-        map: Option<&LearnedMap>,
-        recorder: &mut dyn Recorder,
-    ) -> Result<(), LabError> {
+    fn improve_on(&mut self, map: Option<&LearnedMap>, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         let iteration = self.progress.policies.len() + 1;
         let started = Instant::now();
         let mut rng = stream(self.seed, Role::Improve, iteration as u64);
@@ -504,11 +465,7 @@ impl<'a> Algorithm<'a> {
             }
         };
         let known = Known::of(self.task, self.seed, &self.progress, map)?;
-        let policy = self
-            .task
-            .learner
-            .kind
-            .propose(&known, &mut rng, &mut observe)?;
+        let policy = self.task.learner.kind.propose(&known, &mut rng, &mut observe)?;
         let region = known.region;
         written?;
         if let Some(last) = self.progress.iterations.last_mut() {
@@ -535,25 +492,11 @@ impl<'a> Algorithm<'a> {
             return Ok(());
         };
         let index = self.progress.policies.len() - 1;
-        let role = if config.evaluation_trains {
-            StrideRole::Training
-        } else {
-            StrideRole::Evaluation
-        };
+        let role = if config.evaluation_trains { StrideRole::Training } else { StrideRole::Evaluation };
         let (strides, discard) = (config.evaluation_strides, config.evaluation_discard);
-        let batch = Batch {
-            iteration: index + 1,
-            phase: StridePhase::Evaluate,
-            role,
-            strides,
-        };
-        let (transitions, counted) = self.strides_on_robot(
-            Some(&policy),
-            batch,
-            None,
-            (Role::Evaluate, index as u64),
-            recorder,
-        )?;
+        let batch = Batch { iteration: index + 1, phase: StridePhase::Evaluate, role, strides };
+        let (transitions, counted) =
+            self.strides_on_robot(Some(&policy), batch, None, (Role::Evaluate, index as u64), recorder)?;
         let iteration = &mut self.progress.iterations[index];
         iteration.strides += strides;
         iteration.falls += counted.falls;
@@ -570,10 +513,7 @@ impl<'a> Algorithm<'a> {
         // A start that steps on the spot first is filmed from the end of it.
         let warm_up_s = WARM_UP_STRIDE_S * self.task.collect.warm_up_strides as f64;
         let begin_s = self.plant.start_up_s() + warm_up_s;
-        let takes = [
-            (film, Pace::Film, [begin_s, begin_s + seconds]),
-            (lapse, Pace::Lapse, [0.0, LAPSE_S]),
-        ];
+        let takes = [(film, Pace::Film, [begin_s, begin_s + seconds]), (lapse, Pace::Lapse, [0.0, LAPSE_S])];
         let wanted = takes.iter().filter(|take| take.0 && seconds > 0.0);
         let wanted: Vec<_> = wanted.map(|&(_, pace, span)| (pace, span)).collect();
         Filming::begin(&mut self.plant, &wanted)
@@ -598,21 +538,12 @@ impl<'a> Algorithm<'a> {
         // A film of the first policy learned as well: the paper shows it stepping.
         let film = !what.starts_with("iteration") || what == "iteration-1";
         let filming = self.film(true, film);
-        let times = if what.starts_with("iteration") {
-            self.task.record.iteration_walk()
-        } else {
-            self.task.record.walk()
-        };
+        let times =
+            if what.starts_with("iteration") { self.task.record.iteration_walk() } else { self.task.record.walk() };
         let result = match times {
             Some(t) => self.walk_on_robot(policy, batch, (what, t.walk_s), stream_index, recorder),
             None => self
-                .strides_on_robot(
-                    Some(policy),
-                    batch,
-                    Some(what),
-                    (Role::Record, stream_index),
-                    recorder,
-                )
+                .strides_on_robot(Some(policy), batch, Some(what), (Role::Record, stream_index), recorder)
                 .map(|(transitions, _)| transitions),
         };
         let takes = filming.end(&mut self.plant);
@@ -646,8 +577,7 @@ impl<'a> Algorithm<'a> {
 
     fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         let policy = self.task.nominal_policy()?;
-        let performance =
-            self.measure(&policy, "nominal", self.task.record.strides, 0, recorder)?;
+        let performance = self.measure(&policy, "nominal", self.task.record.strides, 0, recorder)?;
         self.progress.nominal = Some(performance);
         recorder.checkpoint(Phase::Nominal, &self.progress)
     }
@@ -682,9 +612,7 @@ pub(crate) fn robust_std(residuals: &[f64]) -> f64 {
     const NORMAL: f64 = 1.482_602_218_505_602;
     let mut magnitudes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
     magnitudes.sort_by(f64::total_cmp);
-    magnitudes
-        .get(residuals.len() / 2)
-        .map_or(0.0, |m| NORMAL * m)
+    magnitudes.get(residuals.len() / 2).map_or(0.0, |m| NORMAL * m)
 }
 
 /// Fits the map of a task to strides: those with the training role that reached the next section.
@@ -712,23 +640,14 @@ pub fn fit_map(
         })
         .collect();
     if samples.len() < FEWEST {
-        return Err(LabError::TooFewStrides {
-            found: samples.len(),
-            needed: FEWEST,
-        });
+        return Err(LabError::TooFewStrides { found: samples.len(), needed: FEWEST });
     }
     let mut rng = stream(seed, Role::Fit, iteration as u64);
     let world = MapWorld {
         spec: task.process_spec()?,
         limits: task.action_limits()?,
         failure: task.failure.in_map(&task.state, in_place),
-        reward: reward_of_state(&task.reward, &task.state)
-            .map(|reward| std::sync::Arc::new(reward) as StateReward),
+        reward: reward_of_state(&task.reward, &task.state).map(|reward| std::sync::Arc::new(reward) as StateReward),
     };
-    Ok(LearnedMap::fit(
-        task.map_config(),
-        world,
-        &samples,
-        &mut rng,
-    )?)
+    Ok(LearnedMap::fit(task.map_config(), world, &samples, &mut rng)?)
 }

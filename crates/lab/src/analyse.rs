@@ -54,10 +54,7 @@ pub struct Analysis {
 }
 
 fn pitch_rate(task: &Task) -> Result<usize, LabError> {
-    let position = task
-        .state
-        .iter()
-        .position(|c| *c == StateComponent::PSI_PITCH_RATE_DEG_S);
+    let position = task.state.iter().position(|c| *c == StateComponent::PSI_PITCH_RATE_DEG_S);
     position.ok_or_else(|| {
         LabError::Invalid(Invalid {
             key: "state".into(),
@@ -67,27 +64,15 @@ fn pitch_rate(task: &Task) -> Result<usize, LabError> {
 }
 
 fn usable(transitions: &[Transition]) -> Vec<&Transition> {
-    transitions
-        .iter()
-        .filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)
-        .collect()
+    transitions.iter().filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing).collect()
 }
 
 /// Residuals of the pitch rate over all folds.
-fn residuals(
-    task: &Task,
-    transitions: &[&Transition],
-    component: usize,
-    seed: u64,
-) -> Result<Vec<f64>, LabError> {
+fn residuals(task: &Task, transitions: &[&Transition], component: usize, seed: u64) -> Result<Vec<f64>, LabError> {
     let mut all = Vec::with_capacity(transitions.len());
     for fold in 0..FOLDS {
-        let train: Vec<Transition> = transitions
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| i % FOLDS != fold)
-            .map(|(_, t)| (*t).clone())
-            .collect();
+        let train: Vec<Transition> =
+            transitions.iter().enumerate().filter(|(i, _)| i % FOLDS != fold).map(|(_, t)| (*t).clone()).collect();
         let map = fit_map(task, &train, &InPlace::default(), seed, 0)?;
         for t in transitions.iter().skip(fold).step_by(FOLDS) {
             let (means, _) = map.predict(&t.state, &t.action, &t.last_action)?;
@@ -126,23 +111,12 @@ fn seeing(task: &Task, strides: &[&Transition], kept: &[usize]) -> (Task, Vec<Tr
 /// # Errors
 ///
 /// [`LabError::TooFewStrides`], or of the map.
-pub fn held_out(
-    task: &Task,
-    transitions: &[Transition],
-    seed: u64,
-) -> Result<Vec<HeldOut>, LabError> {
-    const PAPER: [StateComponent; 3] = [
-        StateComponent::PSI_ROLL_DEG,
-        StateComponent::PSI_PITCH_DEG,
-        StateComponent::PSI_PITCH_RATE_DEG_S,
-    ];
+pub fn held_out(task: &Task, transitions: &[Transition], seed: u64) -> Result<Vec<HeldOut>, LabError> {
+    const PAPER: [StateComponent; 3] =
+        [StateComponent::PSI_ROLL_DEG, StateComponent::PSI_PITCH_DEG, StateComponent::PSI_PITCH_RATE_DEG_S];
     pitch_rate(task)?;
     let all: Vec<usize> = (0..task.state.len()).collect();
-    let of_paper: Vec<usize> = all
-        .iter()
-        .copied()
-        .filter(|i| PAPER.contains(&task.state[*i]))
-        .collect();
+    let of_paper: Vec<usize> = all.iter().copied().filter(|i| PAPER.contains(&task.state[*i])).collect();
     let mut views = vec![of_paper];
     if views[0] != all {
         views.push(all);
@@ -176,11 +150,7 @@ pub fn held_out(
 fn walked_actions(proofs: &[&Proof]) -> Vec<Vec<f64>> {
     let mut longest: Vec<&Proof> = proofs.to_vec();
     longest.sort_by_key(|p| std::cmp::Reverse(p.strides));
-    let walked: Vec<&[f64]> = longest
-        .iter()
-        .map(|p| p.action.as_slice())
-        .filter(|u| !u.is_empty())
-        .collect();
+    let walked: Vec<&[f64]> = longest.iter().map(|p| p.action.as_slice()).filter(|u| !u.is_empty()).collect();
     let halfway = walked.iter().skip(1).map(|u| {
         let both = u.iter().zip(walked[0]);
         both.map(|(a, b)| 0.5 * (a + b)).collect()
@@ -191,12 +161,7 @@ fn walked_actions(proofs: &[&Proof]) -> Vec<Vec<f64>> {
 
 /// The flips of the robot and of its map at these actions in turn, until there are enough at which the
 /// robot walks; those at which it falls are among the answers.
-fn flips(
-    task: &Task,
-    progress: &Progress,
-    actions: Vec<Vec<f64>>,
-    seed: u64,
-) -> Result<Vec<Flip>, LabError> {
+fn flips(task: &Task, progress: &Progress, actions: Vec<Vec<f64>>, seed: u64) -> Result<Vec<Flip>, LabError> {
     const ENOUGH: usize = 3;
     // The action law would spread a kick over many strides: without it the kick is one stride's. The
     // map's own mean is what it knows.
@@ -216,13 +181,7 @@ fn flips(
         if found.iter().filter(|f| f.robot.is_some()).count() >= ENOUGH {
             break;
         }
-        let kick = Kick {
-            action: &action,
-            neutral: &neutral,
-            component: 0,
-            size: KICK_DEG,
-            watched,
-        };
+        let kick = Kick { action: &action, neutral: &neutral, component: 0, size: KICK_DEG, watched };
         found.push(Flip {
             map: decay_after_kick(&mut map, &kick, &rng)?,
             robot: decay_after_kick(&mut robot, &kick, &rng)?,

@@ -11,31 +11,13 @@ use crate::task::Task;
 
 /// Name and text of every built-in task.
 pub const TASKS: [(&str, &str); 7] = [
-    (
-        "stepping",
-        include_str!("../../../experiments/stepping.toml"),
-    ),
-    (
-        "stepping-paper",
-        include_str!("../../../experiments/stepping-paper.toml"),
-    ),
+    ("stepping", include_str!("../../../experiments/stepping.toml")),
+    ("stepping-paper", include_str!("../../../experiments/stepping-paper.toml")),
     ("walking", include_str!("../../../experiments/walking.toml")),
-    (
-        "walking-single",
-        include_str!("../../../experiments/walking-single.toml"),
-    ),
-    (
-        "walking-paper",
-        include_str!("../../../experiments/walking-paper.toml"),
-    ),
-    (
-        "small-stepping",
-        include_str!("../../../experiments/small-stepping.toml"),
-    ),
-    (
-        "small-walking",
-        include_str!("../../../experiments/small-walking.toml"),
-    ),
+    ("walking-single", include_str!("../../../experiments/walking-single.toml")),
+    ("walking-paper", include_str!("../../../experiments/walking-paper.toml")),
+    ("small-stepping", include_str!("../../../experiments/small-stepping.toml")),
+    ("small-walking", include_str!("../../../experiments/small-walking.toml")),
 ];
 
 /// A task, read and checked.
@@ -119,24 +101,16 @@ fn finish(document: Document) -> Result<LoadedTask, LabError> {
     }
     let mut task: Task = document.deserialize().map_err(config)?;
     // From the file that names it; absolute, since the resolved task is saved elsewhere.
-    if let (ModelSource::File(path), Some(base)) =
-        (&mut task.robot.model, document.base_dir("robot.model"))
+    if let (ModelSource::File(path), Some(base)) = (&mut task.robot.model, document.base_dir("robot.model"))
         && let Ok(absolute) = std::path::absolute(base.join(&*path))
     {
         *path = absolute;
     }
-    task.validate()
-        .map_err(|error| located(&document, &task.robot.model, error))?;
+    task.validate().map_err(|error| located(&document, &task.robot.model, error))?;
     let resolved = task.to_toml()?;
-    let file = document
-        .file()
-        .and_then(|file| std::path::absolute(file).ok());
+    let file = document.file().and_then(|file| std::path::absolute(file).ok());
     task.written = Written(Some(Arc::new(document)));
-    Ok(LoadedTask {
-        task,
-        resolved,
-        file,
-    })
+    Ok(LoadedTask { task, resolved, file })
 }
 
 /// What robots have and a task cannot say: the key at fault, and what there is instead.
@@ -161,72 +135,33 @@ fn located(document: &Document, model: &ModelSource, error: LabError) -> LabErro
     let at = |key: &str, message: String| config(document.located(key, message));
     match error {
         LabError::Invalid(Invalid { key, requirement }) => at(&key, requirement),
-        LabError::UnknownModulation {
-            key,
-            found,
-            allowed,
-        } => {
+        LabError::UnknownModulation { key, found, allowed } => {
             let near = nearest(&found, &allowed);
-            let hint = near
-                .map(|n| format!(" did you mean \"{n}\"?"))
-                .unwrap_or_default();
-            at(
-                &key,
-                format!(
-                    "the gait has no {found:?};{hint} (allowed: {})",
-                    allowed.join(", ")
-                ),
-            )
+            let hint = near.map(|n| format!(" did you mean \"{n}\"?")).unwrap_or_default();
+            at(&key, format!("the gait has no {found:?};{hint} (allowed: {})", allowed.join(", ")))
         }
-        LabError::Gait(GaitError::Parameter {
-            name,
-            value,
-            requirement,
-        }) => at(&format!("gait.{name}"), format!("{value}: {requirement}")),
+        LabError::Gait(GaitError::Parameter { name, value, requirement }) => {
+            at(&format!("gait.{name}"), format!("{value}: {requirement}"))
+        }
         LabError::Gait(GaitError::NoJoint { side, .. }) => {
             let (key, text) = (format!("robot.{side}"), error.to_string());
-            at(
-                &key,
-                text.trim_start_matches(&format!("{key}: ")).to_owned(),
-            )
+            at(&key, text.trim_start_matches(&format!("{key}: ")).to_owned())
         }
-        LabError::Section(SectionError::Parameter {
-            name,
-            value,
-            requirement,
-        }) => at(
-            &format!("section.{name}"),
-            format!("{value}: {requirement}"),
-        ),
-        LabError::Process(ProcessError::Parameter {
-            name,
-            value,
-            requirement,
-        }) => at(name, format!("{value}: {requirement}")),
-        LabError::Learn(LearnError::Parameter {
-            field,
-            value,
-            domain,
-        }) => at(
-            &format!("learner.actor_critic.{field}"),
-            format!("{value}: must be {domain}"),
-        ),
-        LabError::Learn(LearnError::Length {
-            field,
-            expected,
-            found,
-        }) => at(
-            &format!("learner.actor_critic.{field}"),
-            format!("has {found} entries, needs {expected}"),
-        ),
-        LabError::Mujoco(MujocoError::BadValue {
-            field,
-            value,
-            allowed,
-        }) => at(
-            &format!("robot.{field}"),
-            format!("{value}: must be {allowed}"),
-        ),
+        LabError::Section(SectionError::Parameter { name, value, requirement }) => {
+            at(&format!("section.{name}"), format!("{value}: {requirement}"))
+        }
+        LabError::Process(ProcessError::Parameter { name, value, requirement }) => {
+            at(name, format!("{value}: {requirement}"))
+        }
+        LabError::Learn(LearnError::Parameter { field, value, domain }) => {
+            at(&format!("learner.actor_critic.{field}"), format!("{value}: must be {domain}"))
+        }
+        LabError::Learn(LearnError::Length { field, expected, found }) => {
+            at(&format!("learner.actor_critic.{field}"), format!("has {found} entries, needs {expected}"))
+        }
+        LabError::Mujoco(MujocoError::BadValue { field, value, allowed }) => {
+            at(&format!("robot.{field}"), format!("{value}: must be {allowed}"))
+        }
         LabError::Mujoco(error) => {
             let key = error.key();
             let text = error.to_string();
@@ -272,10 +207,7 @@ mod tests {
             assert_eq!(read, walking);
         }
         let error = load("stepping", &["learner.kind=linear".into()]).unwrap_err();
-        assert!(
-            error.is_request() && error.to_string().contains("--controls"),
-            "{error}"
-        );
+        assert!(error.is_request() && error.to_string().contains("--controls"), "{error}");
     }
 
     #[test]
@@ -283,22 +215,14 @@ mod tests {
         // Another state needs other widths of the actor-critic, where that is the learner.
         let sets = |kind: &str| {
             let state = "state=[\"psi_roll_deg\", \"gait_phase_deg\"]";
-            let map = [
-                "map.state_range=[[-9, 9], [-180, 180]]",
-                "map.start_range=[[0, 1], [0, 1]]",
-            ];
+            let map = ["map.state_range=[[-9, 9], [-180, 180]]", "map.start_range=[[0, 1], [0, 1]]"];
             let sees = "learner.search.feedback.sees=[[\"psi_roll_deg\"], [\"gait_phase_deg\"]]";
             let kind = format!("learner.kind={kind}");
             [state, map[0], map[1], sees, &kind].map(String::from)
         };
         load("walking", &sets("search")).unwrap();
-        let error = load("walking", &sets("actor_critic"))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("learner.actor_critic.basis_widths"),
-            "{error}"
-        );
+        let error = load("walking", &sets("actor_critic")).unwrap_err().to_string();
+        assert!(error.contains("learner.actor_critic.basis_widths"), "{error}");
     }
 
     #[test]
@@ -306,36 +230,21 @@ mod tests {
         let error = load("walking", &["gait.amplitude_deg.pitch=3".into()]).unwrap_err();
         let text = error.to_string();
         assert!(error.is_request(), "{error:?}");
-        assert!(
-            text.starts_with("--set gait.amplitude_deg.pitch=3"),
-            "{text}"
-        );
+        assert!(text.starts_with("--set gait.amplitude_deg.pitch=3"), "{text}");
         assert!(text.contains("action.3.bounds = [6, 11]"), "{text}");
     }
 
     #[test]
     fn what_a_task_cannot_say_of_a_robot_is_told_as_that() {
-        let leg =
-            r#"robot.left={ hip_roll = "a", hip_pitch = "b", ankle_pitch = "d", foot = "e" }"#;
+        let leg = r#"robot.left={ hip_roll = "a", hip_pitch = "b", ankle_pitch = "d", foot = "e" }"#;
         let rolls = ["left", "right"].map(|side| format!("robot.{side}.ankle_roll=\"\""));
         for (task, sets, says) in [
-            (
-                "stepping",
-                &[leg.to_owned()][..],
-                "robot.left: names no knee",
-            ),
+            ("stepping", &[leg.to_owned()][..], "robot.left: names no knee"),
             ("small-stepping", &rolls, "must lie in order within [0, 0]"),
-            (
-                "stepping",
-                &["robot.kp_nm_rad={ knee = 3000.0 }".into()],
-                "must be one number",
-            ),
+            ("stepping", &["robot.kp_nm_rad={ knee = 3000.0 }".into()], "must be one number"),
         ] {
             let error = load(task, sets).unwrap_err();
-            assert!(
-                error.is_request() && error.to_string().contains(says),
-                "{error}"
-            );
+            assert!(error.is_request() && error.to_string().contains(says), "{error}");
         }
     }
 
@@ -352,10 +261,7 @@ mod tests {
         };
         let at = |line: usize| format!("{}:{line}: ", file.display());
         let text = says("robot.rest_deg.failure = 3");
-        assert!(
-            text.starts_with(&(at(3) + "robot.rest_deg.failure: the model has no leg joint")),
-            "{text}"
-        );
+        assert!(text.starts_with(&(at(3) + "robot.rest_deg.failure: the model has no leg joint")), "{text}");
         let leg = |roll: &str| {
             format!(
                 "\n[robot.right]\nfoot = \"right_foot\"\nhip_pitch = \"right_hip_pitch\"\nknee = \"right_knee\"\n\
@@ -363,27 +269,18 @@ mod tests {
             )
         };
         let text = says(&leg("b_hip_roll"));
-        assert!(
-            text.starts_with(&(at(10) + "robot.right.hip_roll: the model has no joint")),
-            "{text}"
-        );
+        assert!(text.starts_with(&(at(10) + "robot.right.hip_roll: the model has no joint")), "{text}");
         // Where the model is at fault: the key that names it, and its path.
         let biped = stridemap_mujoco::BIPED_XML;
         let (before, after) = biped.split_once("<actuator>").unwrap();
         let (_, after) = after.split_once("</actuator>").unwrap();
         std::fs::write(dir.path().join("robot.xml"), format!("{before}{after}")).unwrap();
         let text = says("robot.model = \"robot.xml\"");
-        assert!(
-            text.starts_with(&(at(3) + "robot.model: the joint")),
-            "{text}"
-        );
+        assert!(text.starts_with(&(at(3) + "robot.model: the joint")), "{text}");
         assert!(text.contains("robot.xml"), "{text}");
         let error = load("stepping", &["robot.rest_deg.failure=3".into()]).unwrap();
         let text = error.task.plant().err().unwrap().to_string();
-        assert!(
-            text.starts_with("--set robot.rest_deg.failure=3: "),
-            "{text}"
-        );
+        assert!(text.starts_with("--set robot.rest_deg.failure=3: "), "{text}");
     }
 
     #[test]
@@ -393,10 +290,7 @@ mod tests {
             ("section.stance.load_share=0.2", "section.stance.load_share"),
             ("robot.mass_scale=0", "robot.mass_scale"),
             ("map.starts=0", "map.starts"),
-            (
-                "learner.actor_critic.discount=1",
-                "learner.actor_critic.discount",
-            ),
+            ("learner.actor_critic.discount=1", "learner.actor_critic.discount"),
             ("action.0.bounds=[5, -5]", "action.0.bounds"),
             ("action.0.modulates=walk_amplitude", "walk_amplitude_deg"),
             ("collect.explore.std=[0.1, 0.2]", "collect.explore.std"),
@@ -405,10 +299,7 @@ mod tests {
             let error = load("stepping", &[set.into()]).unwrap_err();
             assert!(error.is_request(), "{error:?}");
             let text = error.to_string();
-            assert!(
-                text.contains(expected) && text.contains("--set"),
-                "{set}: {text}"
-            );
+            assert!(text.contains(expected) && text.contains("--set"), "{set}: {text}");
         }
     }
 }

@@ -10,9 +10,7 @@ use crate::plant::PlantCounters;
 use crate::proof::{Prover, shrunk};
 use crate::seed::{Role, stream};
 use crate::strides::{ActionSource, Batch};
-use stridemap_record::{
-    GuardWarning, Performance, Proof, StridePhase, StrideRole, Transition, Verdict,
-};
+use stridemap_record::{GuardWarning, Performance, Proof, StridePhase, StrideRole, Transition, Verdict};
 
 impl Algorithm<'_> {
     /// Strides of the budget that are left; without a budget there is no end.
@@ -55,21 +53,14 @@ impl Algorithm<'_> {
         let warnings = explorer
             .warnings()
             .iter()
-            .map(|(stride, warning)| GuardWarning {
-                stride: before_these + stride,
-                warning: *warning,
-            });
+            .map(|(stride, warning)| GuardWarning { stride: before_these + stride, warning: *warning });
         self.explored.1.extend(warnings);
         self.explored.0 += made.len();
         Ok((made, self.plant.counters().since(before)))
     }
 
     /// Proves the newest policy on the robot; a first policy that warns is shrunk and tried again.
-    pub(crate) fn prove(
-        &mut self,
-        caution: &CautionConfig,
-        recorder: &mut dyn Recorder,
-    ) -> Result<(), LabError> {
+    pub(crate) fn prove(&mut self, caution: &CautionConfig, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         let Some(mut policy) = self.progress.policies.last().cloned() else {
             return Ok(());
         };
@@ -78,9 +69,7 @@ impl Algorithm<'_> {
             return Ok(());
         }
         let config = &caution.proof;
-        let residual = self.progress.iterations[index]
-            .pitch_rate_residual_deg_s
-            .unwrap_or(0.0);
+        let residual = self.progress.iterations[index].pitch_rate_residual_deg_s.unwrap_or(0.0);
         let thresholds = caution.guard.thresholds(self.progress.in_place(), residual);
         let limits = self.task.action_limits()?;
         let neutral: Vec<f64> = limits.iter().map(|l| l.neutral).collect();
@@ -96,8 +85,7 @@ impl Algorithm<'_> {
             attempts += 1;
             let fallback = match best {
                 Some(b) => self.progress.policies[b].clone(),
-                None => shrunk(&policy, &neutral, config.shrink_on_warning)?
-                    .unwrap_or_else(|| policy.clone()),
+                None => shrunk(&policy, &neutral, config.shrink_on_warning)?.unwrap_or_else(|| policy.clone()),
             };
             let left = self.strides_left() - all.len();
             let most = config.proof_strides + config.back_off_strides;
@@ -109,18 +97,12 @@ impl Algorithm<'_> {
             };
             let guard = (&caution.guard, thresholds);
             // Who has no map learns nothing from dither.
-            let dither: &[f64] = if self.task.learner.kind.uses_map() {
-                &config.dither_std
-            } else {
-                &[]
-            };
+            let dither: &[f64] = if self.task.learner.kind.uses_map() { &config.dither_std } else { &[] };
             let mut prover = Prover::new(config, guard, dither, &policy, &fallback, beat_m_s);
             let (made, counted) = self.make(&mut prover, batch, None, &mut rng, recorder)?;
             proof = prover.proof();
-            let warned = proof.warning.map(|warning| GuardWarning {
-                stride: made_before + all.len() + proof.strides,
-                warning,
-            });
+            let warned =
+                proof.warning.map(|warning| GuardWarning { stride: made_before + all.len() + proof.strides, warning });
             let iteration = &mut self.progress.iterations[index];
             iteration.falls += counted.falls;
             iteration.stalls += counted.stalls;

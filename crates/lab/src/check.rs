@@ -65,11 +65,7 @@ pub struct CheckReport {
 impl CheckReport {
     fn item(&mut self, what: &str, ok: bool, found: String) -> bool {
         self.ok &= ok;
-        self.items.push(CheckItem {
-            what: what.into(),
-            ok,
-            found,
-        });
+        self.items.push(CheckItem { what: what.into(), ok, found });
         ok
     }
 }
@@ -81,13 +77,7 @@ impl CheckReport {
 ///
 /// [`LabError`] if the robot cannot be built or driven; that it does not walk is an answer.
 pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
-    let mut report = CheckReport {
-        ok: true,
-        items: Vec::new(),
-        joints: Vec::new(),
-        gains: Vec::new(),
-        refused: None,
-    };
+    let mut report = CheckReport { ok: true, items: Vec::new(), joints: Vec::new(), gains: Vec::new(), refused: None };
 
     let mut robot = MujocoRobot::new(task.robot.clone()).map_err(|error| task.located(error))?;
     report.joints = robot.joint_report()?;
@@ -96,12 +86,7 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         .iter()
         .filter_map(|j| {
             let problem = j.problem.as_ref()?;
-            Some(format!(
-                "{:?} {} ({}): {problem}",
-                j.side,
-                j.joint.name(),
-                j.model_joint
-            ))
+            Some(format!("{:?} {} ({}): {problem}", j.side, j.joint.name(), j.model_joint))
         })
         .collect();
     let found = if problems.is_empty() {
@@ -129,13 +114,7 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         }
     }
     let state = robot.state();
-    let weight_n = robot.description().mass_kg
-        * robot
-            .gravity_m_s2()
-            .iter()
-            .map(|g| g * g)
-            .sum::<f64>()
-            .sqrt();
+    let weight_n = robot.description().mass_kg * robot.gravity_m_s2().iter().map(|g| g * g).sum::<f64>().sqrt();
     let carried_n: f64 = loads_n.iter().sum();
     let stands = DOWN.of_body(state, first_height_m).is_none()
         && (carried_n - weight_n).abs() < 0.1 * weight_n
@@ -185,15 +164,9 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
     }
     let [left, right] = gait.stances;
     let both = left > 0 && right > 0 && left.abs_diff(right) <= 1 + gait.strides / 10;
-    let found = format!(
-        "{} strides, {left} from the left leg and {right} from the right",
-        gait.strides
-    );
+    let found = format!("{} strides, {left} from the left leg and {right} from the right", gait.strides);
     let both = report.item("sections", both, found);
-    report.refused = gait
-        .refuse(&task.failure)
-        .err()
-        .map(|e| task.located(e).to_string());
+    report.refused = gait.refuse(&task.failure).err().map(|e| task.located(e).to_string());
     let found = report.refused.clone().unwrap_or_else(|| {
         format!(
             "the nominal gait stays within the thresholds; a stride of it earns {:.3}, a fall {}",
@@ -213,45 +186,25 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
             .iter()
             .map(|l| {
                 let half = 0.5 * EXCITED_SHARE * (l.upper - l.lower);
-                [
-                    (l.neutral - half).max(l.lower),
-                    (l.neutral + half).min(l.upper),
-                ]
+                [(l.neutral - half).max(l.lower), (l.neutral + half).min(l.upper)]
             })
             .collect(),
         std: vec![0.0; limits.len()],
         // Actions of limited rate need some strides to get anywhere.
-        hold: if limits.iter().any(|l| l.rate_per_stride.is_finite()) {
-            4
-        } else {
-            1
-        },
+        hold: if limits.iter().any(|l| l.rate_per_stride.is_finite()) { 4 } else { 1 },
     };
     let excited_strides = EXCITED_STRIDES.max(STRIDES_PER_ACTION * limits.len());
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: excited_strides,
-    };
+    let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: excited_strides };
     let mut rng = stream(seed, Role::Check, 2);
-    let transitions = make_strides(
-        &mut plant,
-        &ActionSource::Explore(&explore),
-        batch,
-        &mut rng,
-        &mut |_, _| {},
-        &mut |_| Ok(()),
-    );
+    let transitions =
+        make_strides(&mut plant, &ActionSource::Explore(&explore), batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()));
     let transitions = match transitions {
         Ok(transitions) => transitions,
         Err(LabError::Process(error)) => {
             let found = match &error {
                 ProcessError::World(cause) => match cause.downcast_ref() {
                     Some(LabError::NominalGaitFails { time_s, fall, .. }) => {
-                        format!(
-                            "the nominal gait falls in its start, after {time_s:.1} s: {fall}; {TRY}"
-                        )
+                        format!("the nominal gait falls in its start, after {time_s:.1} s: {fall}; {TRY}")
                     }
                     _ => error.to_string(),
                 },
@@ -262,22 +215,12 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
         }
         Err(error) => return Err(error),
     };
-    let falls = transitions
-        .iter()
-        .filter(|t| t.end != StrideEnd::Crossing)
-        .count();
-    let rows: Vec<_> = transitions
-        .iter()
-        .filter(|t| t.end == StrideEnd::Crossing)
-        .collect();
+    let falls = transitions.iter().filter(|t| t.end != StrideEnd::Crossing).count();
+    let rows: Vec<_> = transitions.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
     let (n, states, actions) = (rows.len(), task.state.len(), task.action.len());
     let columns = 1 + states + actions;
     if n <= columns + 2 {
-        report.item(
-            "section map",
-            false,
-            format!("{falls} falls in {excited_strides} strides"),
-        );
+        report.item("section map", false, format!("{falls} falls in {excited_strides} strides"));
         return Ok(());
     }
     let design = DMatrix::from_fn(n, columns, |i, j| match j {
@@ -319,10 +262,7 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
     let found = if weak.is_empty() {
         format!("every action moves the next state; {falls} falls in {excited_strides} strides")
     } else {
-        format!(
-            "no effect seen of {}; widen the bounds or choose another",
-            weak.join(", ")
-        )
+        format!("no effect seen of {}; widen the bounds or choose another", weak.join(", "))
     };
     report.item("section map", weak.is_empty(), found);
     Ok(())

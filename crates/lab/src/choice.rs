@@ -67,8 +67,7 @@ impl Progress {
     ///
     /// [`LabError::Learn`] if the nominal policy cannot be built.
     pub fn final_policy(&self, task: &Task) -> Result<SavedPolicy, LabError> {
-        self.best_policy()
-            .map_or_else(|| task.nominal_policy(), |policy| Ok(policy.clone()))
+        self.best_policy().map_or_else(|| task.nominal_policy(), |policy| Ok(policy.clone()))
     }
 
     /// Whether the final policy is a learned one; `None` until it was measured.
@@ -80,10 +79,7 @@ impl Progress {
     /// Takes the measurement of the best policy as final, unless that does not beat the nominal gait: then the
     /// policy is rejected, and the next has to be measured.
     pub(crate) fn accept(&mut self, measured: Performance) {
-        let beaten = self.best().filter(|_| {
-            self.nominal
-                .is_some_and(|n| !measured.beats(&n, STANDARD_ERRORS))
-        });
+        let beaten = self.best().filter(|_| self.nominal.is_some_and(|n| !measured.beats(&n, STANDARD_ERRORS)));
         match beaten {
             Some(i) => self.iterations[i].rejected = Some(measured),
             None => self.final_performance = Some(measured),
@@ -104,13 +100,7 @@ mod tests {
     use stridemap_record::{Iteration, Verdict};
 
     fn measured(mean_reward: f64, falls: usize) -> Performance {
-        Performance {
-            strides: 10,
-            mean_reward,
-            reward_sd: Some(0.01),
-            falls,
-            ..Performance::default()
-        }
+        Performance { strides: 10, mean_reward, reward_sd: Some(0.01), falls, ..Performance::default() }
     }
 
     /// A run whose policies were evaluated as these rewards and falls; the nominal gait has -0.1 and no falls.
@@ -152,24 +142,14 @@ mod tests {
 
         let mut progress = run(&[(-0.02, 0)]);
         progress.accept(measured(-0.09, 0));
-        assert_eq!(
-            (progress.best(), progress.improved()),
-            (Some(0), Some(true))
-        );
+        assert_eq!((progress.best(), progress.improved()), (Some(0), Some(true)));
     }
 
     #[test]
     fn with_proofs_the_fastest_proven_policy_is_final_and_none_is_no_candidate() {
         let mut progress = run(&[(0.0, 0), (0.0, 0)]);
         let proof = |verdict, speed_m_s| {
-            Some(Proof {
-                verdict,
-                warning: None,
-                speed_m_s,
-                strides: 30,
-                attempts: 1,
-                action: vec![0.0],
-            })
+            Some(Proof { verdict, warning: None, speed_m_s, strides: 30, attempts: 1, action: vec![0.0] })
         };
         progress.iterations[0].proof = proof(Verdict::Warned, 0.5);
         progress.iterations[1].proof = proof(Verdict::Slower, 0.6);

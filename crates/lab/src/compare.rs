@@ -79,8 +79,7 @@ impl StrideProcess for Remembering<'_> {
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         let stride = self.process.stride(action, rng)?;
         let next = (stride.end == StrideEnd::Crossing).then(|| stride.next_state.clone());
-        self.visited
-            .extend(std::mem::replace(&mut self.state, next));
+        self.visited.extend(std::mem::replace(&mut self.state, next));
         Ok(stride)
     }
 }
@@ -103,27 +102,15 @@ fn frozen_policies(
 
 /// Mean reward on the robot of each frozen stochastic policy, every one from a fresh start and with
 /// the same random stream in both arms.
-fn measure(
-    task: &Task,
-    plant: &mut Plant,
-    frozen: &[GaussianPolicy],
-    seed: u64,
-) -> Result<Vec<f64>, LabError> {
+fn measure(task: &Task, plant: &mut Plant, frozen: &[GaussianPolicy], seed: u64) -> Result<Vec<f64>, LabError> {
     let no_noise = vec![0.0; task.action.len()];
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: STRIDES_PER_POINT,
-    };
+    let batch =
+        Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: STRIDES_PER_POINT };
     let mut rewards = Vec::with_capacity(frozen.len());
     for (trial, policy) in frozen.iter().enumerate() {
         let mut rng = stream(seed, Role::Compare, trial as u64);
         let source = ActionSource::Sample(policy, &no_noise);
-        let transitions =
-            make_strides(plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| {
-                Ok(())
-            })?;
+        let transitions = make_strides(plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
         rewards.push(Performance::of(&transitions, 0).mean_reward);
     }
     Ok(rewards)
@@ -139,25 +126,13 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
     let mut algorithm = Algorithm::new(task, seed)?.however_often_it_falls();
     algorithm.collect(&mut NoRecorder)?;
     let mut map = algorithm.fit(&mut NoRecorder)?;
-    let Iteration {
-        strides: gp_strides,
-        falls: gp_falls,
-        ..
-    } = algorithm
-        .progress
-        .iterations
-        .first()
-        .cloned()
-        .unwrap_or_default();
+    let Iteration { strides: gp_strides, falls: gp_falls, .. } =
+        algorithm.progress.iterations.first().cloned().unwrap_or_default();
     let in_map = frozen_policies(task, &mut map, &mut stream(seed, Role::Improve, 1))?;
 
     let plant = algorithm.plant_mut();
     let before = plant.counters();
-    let mut robot = Remembering {
-        process: plant,
-        state: None,
-        visited: Vec::new(),
-    };
+    let mut robot = Remembering { process: plant, state: None, visited: Vec::new() };
     let on_robot = frozen_policies(task, &mut robot, &mut stream(seed, Role::FullModel, 0))?;
     let full_states = robot.visited;
     let counted = plant.counters().since(before);
@@ -165,13 +140,7 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
     let gp = measure(task, plant, &in_map, seed)?;
     let full = measure(task, plant, &on_robot, seed)?;
     let last = |policies: &[GaussianPolicy]| {
-        policies
-            .last()
-            .map(KeptPolicy::to_saved)
-            .ok_or(LabError::TooFewStrides {
-                found: 0,
-                needed: 1,
-            })
+        policies.last().map(KeptPolicy::to_saved).ok_or(LabError::TooFewStrides { found: 0, needed: 1 })
     };
     Ok(CompareSeed {
         seed,
@@ -179,12 +148,7 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
         full,
         gp_policy: last(&in_map)?,
         full_policy: last(&on_robot)?,
-        states: algorithm
-            .progress
-            .transitions
-            .iter()
-            .map(|t| t.state.clone())
-            .collect(),
+        states: algorithm.progress.transitions.iter().map(|t| t.state.clone()).collect(),
         full_states,
         gp_strides,
         full_strides: counted.strides,
@@ -196,21 +160,12 @@ pub fn compare_seed(task: &Task, seed: u64) -> Result<CompareSeed, LabError> {
 /// The two learning curves over seeds.
 #[must_use]
 pub fn learning_curves(seeds: &[CompareSeed]) -> Vec<ComparePoint> {
-    let trials = seeds
-        .iter()
-        .map(|s| s.gp.len().min(s.full.len()))
-        .min()
-        .unwrap_or(0);
+    let trials = seeds.iter().map(|s| s.gp.len().min(s.full.len())).min().unwrap_or(0);
     (0..trials)
         .map(|trial| {
             let gp: Vec<f64> = seeds.iter().map(|s| s.gp[trial]).collect();
             let full: Vec<f64> = seeds.iter().map(|s| s.full[trial]).collect();
-            ComparePoint {
-                trial,
-                gp: Spread::of(&gp),
-                full: Spread::of(&full),
-                p_value: students_t(&gp, &full),
-            }
+            ComparePoint { trial, gp: Spread::of(&gp), full: Spread::of(&full), p_value: students_t(&gp, &full) }
         })
         .collect()
 }
@@ -229,16 +184,7 @@ pub fn learning_curves(seeds: &[CompareSeed]) -> Vec<ComparePoint> {
 /// ```
 #[must_use]
 pub fn students_t(a: &[f64], b: &[f64]) -> Option<f64> {
-    let (
-        Spread {
-            mean: mean_a,
-            sd: sd_a,
-        },
-        Spread {
-            mean: mean_b,
-            sd: sd_b,
-        },
-    ) = (Spread::of(a), Spread::of(b));
+    let (Spread { mean: mean_a, sd: sd_a }, Spread { mean: mean_b, sd: sd_b }) = (Spread::of(a), Spread::of(b));
     let (n, m) = (a.len() as f64, b.len() as f64);
     let degrees = n + m - 2.0;
     let pooled = ((n - 1.0) * sd_a?.powi(2) + (m - 1.0) * sd_b?.powi(2)) / degrees;

@@ -23,17 +23,10 @@ pub struct Invalid {
 }
 
 /// Refuses a value of the task unless it holds.
-pub(crate) fn unless(
-    holds: bool,
-    key: impl Into<String>,
-    requirement: impl Into<String>,
-) -> Result<(), LabError> {
+pub(crate) fn unless(holds: bool, key: impl Into<String>, requirement: impl Into<String>) -> Result<(), LabError> {
     match holds {
         true => Ok(()),
-        false => Err(LabError::Invalid(Invalid {
-            key: key.into(),
-            requirement: requirement.into(),
-        })),
+        false => Err(LabError::Invalid(Invalid { key: key.into(), requirement: requirement.into() })),
     }
 }
 
@@ -165,8 +158,7 @@ impl LabError {
     pub(crate) const fn is_of_too_few_strides(&self) -> bool {
         matches!(
             self,
-            Self::TooFewStrides { .. }
-                | Self::Process(ProcessError::Map(GpError::MeanNotIdentifiable { .. }))
+            Self::TooFewStrides { .. } | Self::Process(ProcessError::Map(GpError::MeanNotIdentifiable { .. }))
         )
     }
 

@@ -68,11 +68,7 @@ impl FailureConfig {
     #[must_use]
     pub fn of_section(&self, psi_roll_deg: f64, in_place: &InPlace) -> Option<Fall> {
         let threshold = self.least_psi_roll_deg(in_place);
-        (psi_roll_deg < threshold).then_some(Fall {
-            criterion: FallCriterion::PsiRoll,
-            value: psi_roll_deg,
-            threshold,
-        })
+        (psi_roll_deg < threshold).then_some(Fall { criterion: FallCriterion::PsiRoll, value: psi_roll_deg, threshold })
     }
 
     /// Whether so long without a section is a stall.
@@ -89,9 +85,7 @@ impl FailureConfig {
     #[must_use]
     pub fn in_map(&self, state: &[StateComponent], in_place: &InPlace) -> MapFailure {
         MapFailure {
-            component: state
-                .iter()
-                .position(|c| *c == StateComponent::PSI_ROLL_DEG),
+            component: state.iter().position(|c| *c == StateComponent::PSI_ROLL_DEG),
             below: self.least_psi_roll_deg(in_place),
             reward: self.reward,
         }
@@ -123,11 +117,7 @@ mod tests {
 
     #[test]
     fn every_fall_has_its_cause_with_value_and_threshold() {
-        let in_place = InPlace {
-            sections: 9,
-            psi_roll_deg: 3.0,
-            pitch_rate_change_deg_s: 0.0,
-        };
+        let in_place = InPlace { sections: 9, psi_roll_deg: 3.0, pitch_rate_change_deg_s: 0.0 };
         assert_eq!(FAILURE.of_body(&state(0.5, 0.0), 0.5), None);
         let low = FAILURE.of_body(&state(0.3, 0.0), 0.5).unwrap();
         assert_eq!(low.criterion, FallCriterion::Height);
@@ -137,41 +127,24 @@ mod tests {
         assert!((tilted.value - 50.0).abs() < 1e-9 && (tilted.threshold - 45.0).abs() < 1e-12);
         // 5 deg below the robot's own 3 deg; nothing before it is known how it steps in place.
         let out = FAILURE.of_section(-2.5, &in_place).unwrap();
-        assert_eq!(
-            (out.criterion, out.threshold),
-            (FallCriterion::PsiRoll, -2.0)
-        );
+        assert_eq!((out.criterion, out.threshold), (FallCriterion::PsiRoll, -2.0));
         assert_eq!(FAILURE.of_section(-1.5, &in_place), None);
         assert_eq!(FAILURE.of_section(-90.0, &InPlace::default()), None);
         let stall = FAILURE.of_wait(2.502).unwrap();
         assert_eq!(stall.criterion.end(), StrideEnd::NoCrossing);
-        assert!(
-            stall
-                .to_string()
-                .contains("2.50 s, more than 2.5 (failure.no_section_s)")
-        );
+        assert!(stall.to_string().contains("2.50 s, more than 2.5 (failure.no_section_s)"));
         for criterion in FallCriterion::ALL {
-            assert_eq!(
-                serde_json::to_string(&criterion).unwrap(),
-                format!("{:?}", criterion.name())
-            );
+            assert_eq!(serde_json::to_string(&criterion).unwrap(), format!("{:?}", criterion.name()));
         }
     }
 
     /// Robot and map say the same of the same section, whatever the threshold counts from.
     #[test]
     fn map_and_robot_agree_on_what_a_fall_is() {
-        let in_place = InPlace {
-            sections: 9,
-            psi_roll_deg: 3.0,
-            pitch_rate_change_deg_s: 0.0,
-        };
+        let in_place = InPlace { sections: 9, psi_roll_deg: 3.0, pitch_rate_change_deg_s: 0.0 };
         let state = [StateComponent::PSI_PITCH_DEG, StateComponent::PSI_ROLL_DEG];
         for relative in [false, true] {
-            let failure = FailureConfig {
-                psi_roll_relative: relative,
-                ..FAILURE
-            };
+            let failure = FailureConfig { psi_roll_relative: relative, ..FAILURE };
             for in_place in [in_place, InPlace::default()] {
                 let map = failure.in_map(&state, &in_place);
                 for psi_roll_deg in [-6.0, -4.0, -2.1, -1.9, 3.0] {

@@ -92,11 +92,7 @@ pub struct StrideModel {
 /// # Errors
 ///
 /// [`LabError::Process`] if the map cannot be evaluated.
-pub fn stride_model(
-    map: &LearnedMap,
-    constants: &[f64],
-    components: &[(usize, f64)],
-) -> Result<StrideModel, LabError> {
+pub fn stride_model(map: &LearnedMap, constants: &[f64], components: &[(usize, f64)]) -> Result<StrideModel, LabError> {
     const STRIDES: usize = 120;
     const AVERAGED: usize = 20;
     /// Steps of the differences: this share of the data's spread, or of the action's unit.
@@ -108,11 +104,7 @@ pub fn stride_model(
     // A component on which nothing depends is as spread as its change; it may begin anywhere.
     let free = |i: usize| map.config().is_invariant(i);
     let value = |s: &MapSample, i: usize| {
-        if free(i) {
-            s.state[i] + s.next_state[i]
-        } else {
-            s.state[i]
-        }
+        if free(i) { s.state[i] + s.next_state[i] } else { s.state[i] }
     };
     let mean = |i: usize| samples.iter().map(|s| value(s, i)).sum::<f64>() / count;
     let spread = |i: usize| {
@@ -123,14 +115,10 @@ pub fn stride_model(
     let bounds: Vec<[f64; 2]> = (0..n)
         .map(|i| {
             let all = samples.iter().map(|s| s.state[i]);
-            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
-                [l.min(v), h.max(v)]
-            })
+            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
         })
         .collect();
-    let mut x: State = (0..n)
-        .map(|i| if free(i) { 0.0 } else { mean(i) })
-        .collect();
+    let mut x: State = (0..n).map(|i| if free(i) { 0.0 } else { mean(i) }).collect();
     let mut state: State = (0..n).map(|_| 0.0).collect();
     for k in 0..STRIDES {
         let (next, _) = map.predict(&x, constants, constants)?;
@@ -151,11 +139,7 @@ pub fn stride_model(
     let m = components.len();
     let mut moves = Vec::with_capacity(n + 2 * m);
     let at = |dx: Option<(usize, f64)>, du: Option<(usize, f64)>, dl: Option<(usize, f64)>| {
-        let mut point = MapPoint {
-            state: state.clone(),
-            action: constants.to_vec(),
-            last_action: constants.to_vec(),
-        };
+        let mut point = MapPoint { state: state.clone(), action: constants.to_vec(), last_action: constants.to_vec() };
         if let Some((i, d)) = dx {
             point.state[i] += d;
         }
@@ -169,27 +153,15 @@ pub fn stride_model(
     };
     for i in 0..n {
         let d = STEP * spread(i);
-        moves.push((
-            at(Some((i, d)), None, None),
-            at(Some((i, -d)), None, None),
-            d,
-        ));
+        moves.push((at(Some((i, d)), None, None), at(Some((i, -d)), None, None), d));
     }
     for &(c, unit) in components {
         let d = STEP * unit;
-        moves.push((
-            at(None, Some((c, d)), None),
-            at(None, Some((c, -d)), None),
-            d,
-        ));
+        moves.push((at(None, Some((c, d)), None), at(None, Some((c, -d)), None), d));
     }
     for &(c, unit) in components {
         let d = STEP * unit;
-        moves.push((
-            at(None, None, Some((c, d))),
-            at(None, None, Some((c, -d))),
-            d,
-        ));
+        moves.push((at(None, None, Some((c, d))), at(None, None, Some((c, -d))), d));
     }
     let (slopes, slope_covariance) = map.slopes(&moves)?;
     let noise = map.outputs().iter().enumerate().map(|(i, gp)| {
@@ -228,8 +200,7 @@ impl StrideModel {
         to_z.view_mut((0, 0), (n, n)).fill_with_identity();
         to_z.view_mut((n + m, n), (m, m)).fill_with_identity();
         for (j, gain) in law_gain.iter().enumerate() {
-            to_z.view_mut((n + j, 0), (1, n))
-                .copy_from(&(feedback.row(j) * *gain));
+            to_z.view_mut((n + j, 0), (1, n)).copy_from(&(feedback.row(j) * *gain));
             to_z[(n + j, n + j)] = 1.0 - gain;
         }
         let mut a = DMatrix::zeros(n + m, n + m);
@@ -240,8 +211,7 @@ impl StrideModel {
         };
         let slopes = DMatrix::from_fn(n, n + 2 * m, |i, z| of_z(z, i));
         a.view_mut((0, 0), (n, n + m)).copy_from(&(&slopes * &to_z));
-        a.view_mut((n, 0), (m, n + m))
-            .copy_from(&to_z.view((n, 0), (m, n + m)));
+        a.view_mut((n, 0), (m, n + m)).copy_from(&to_z.view((n, 0), (m, n + m)));
         let mut covariance = DMatrix::zeros(n + m, n + m);
         let mut total = 0.0;
         for _ in 0..STRIDES {
@@ -251,9 +221,7 @@ impl StrideModel {
                 covariance[(i, i)] += self.noise[i] + self.slope_covariance[i].dot(&of_z);
                 total += covariance[(i, i)] / self.noise[i];
             }
-            total += (0..m)
-                .map(|j| action_cost[j] * covariance[(n + j, n + j)])
-                .sum::<f64>();
+            total += (0..m).map(|j| action_cost[j] * covariance[(n + j, n + j)]).sum::<f64>();
             if total.is_nan() || total > MOST {
                 return MOST;
             }
@@ -287,14 +255,9 @@ pub fn with_feedback(
     let model = stride_model(map, constants, &components)?;
     let (n, m) = (model.state.len(), fed.len());
     let law_gain: Vec<f64> = fed.iter().map(|f| f.law_gain).collect();
-    let action_cost: Vec<f64> = fed
-        .iter()
-        .map(|f| action_cost / (f.unit * f.unit))
-        .collect();
+    let action_cost: Vec<f64> = fed.iter().map(|f| action_cost / (f.unit * f.unit)).collect();
     // The entries of K that are free; the others are zero.
-    let free: Vec<(usize, usize)> = (0..m)
-        .flat_map(|j| fed[j].sees.iter().map(move |i| (j, *i)))
-        .collect();
+    let free: Vec<(usize, usize)> = (0..m).flat_map(|j| fed[j].sees.iter().map(move |i| (j, *i))).collect();
     let gain_of = |numbers: &[f64]| {
         let mut k = DMatrix::zeros(m, n);
         for (at, value) in free.iter().zip(numbers) {
@@ -304,10 +267,7 @@ pub fn with_feedback(
     };
     let cost = |numbers: &[f64]| model.cost(&gain_of(numbers), &law_gain, &action_cost);
     // One unit of action for a state as far off as the data are wide would be a strong feedback.
-    let std: Vec<f64> = free
-        .iter()
-        .map(|(j, i)| 0.3 * fed[*j].unit / model.spread[*i])
-        .collect();
+    let std: Vec<f64> = free.iter().map(|(j, i)| 0.3 * fed[*j].unit / model.spread[*i]).collect();
     let none = vec![0.0; free.len()];
     let mut search = CmaEs::new(&none, &std, None)?;
     let (mut least, mut best) = (cost(&none), none);
@@ -328,8 +288,7 @@ pub fn with_feedback(
         gain[f.component] = best.row(j).iter().copied().collect();
         limit[f.component] = f.limit;
     }
-    let policy =
-        LinearPolicy::new(spec.clone(), constants, &gain, &model.state)?.limited(&limit)?;
+    let policy = LinearPolicy::new(spec.clone(), constants, &gain, &model.state)?.limited(&limit)?;
     Ok(SavedPolicy::Linear(policy))
 }
 
@@ -358,10 +317,7 @@ mod tests {
     #[test]
     fn the_cost_is_the_mean_variance() {
         let model = scalar(0.0);
-        let expected = (1..=60)
-            .map(|k| (1.0 - 0.81_f64.powi(k)) / 0.19)
-            .sum::<f64>()
-            / 60.0;
+        let expected = (1..=60).map(|k| (1.0 - 0.81_f64.powi(k)) / 0.19).sum::<f64>() / 60.0;
         assert!((model.cost(&dmatrix![0.0], &[1.0], &[0.0]) - expected).abs() < 1e-9);
         assert!((model.cost(&dmatrix![1.8], &[1.0], &[0.0]) - 1.0).abs() < 1e-9);
         let of_action = 59.0 / 60.0 * 1.8 * 1.8 * 0.04;
@@ -373,10 +329,7 @@ mod tests {
     #[test]
     fn doubt_about_a_slope_is_noise_that_grows_with_the_action() {
         let grows = 1.8 * 1.8 * 0.09;
-        let expected = (1..=60)
-            .map(|k| (1.0 - f64::powi(grows, k)) / (1.0 - grows))
-            .sum::<f64>()
-            / 60.0;
+        let expected = (1..=60).map(|k| (1.0 - f64::powi(grows, k)) / (1.0 - grows)).sum::<f64>() / 60.0;
         let cost = scalar(0.09).cost(&dmatrix![1.8], &[1.0], &[0.0]);
         assert!((cost - expected).abs() < 1e-9, "{cost} {expected}");
     }

@@ -179,26 +179,17 @@ mod tests {
             mean_psi_roll: None,
         };
         let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
-        let stride = |rate: &f64| StrideMeasures {
-            psi_pitch_rate_deg_s: *rate,
-            ..Default::default()
-        };
+        let stride = |rate: &f64| StrideMeasures { psi_pitch_rate_deg_s: *rate, ..Default::default() };
         rates.iter().map(|r| guard.watch(&stride(r))).collect()
     }
 
     #[test]
     fn alternation_warns_and_a_ramp_does_not() {
         let flip = Some(Warning::Flip);
-        assert_eq!(
-            warnings(&[20.0, 16.0, 20.0, 16.0], 0),
-            [None, None, flip, flip]
-        );
+        assert_eq!(warnings(&[20.0, 16.0, 20.0, 16.0], 0), [None, None, flip, flip]);
         assert_eq!(warnings(&[20.0, 18.0, 20.0, 18.0], 0), [None; 4]);
         assert_eq!(warnings(&[0.0, 5.0, 10.0, 15.0], 0), [None; 4]);
-        assert_eq!(
-            warnings(&[20.0, 16.0, 20.0, 16.0], 3),
-            [None, None, None, flip]
-        );
+        assert_eq!(warnings(&[20.0, 16.0, 20.0, 16.0], 3), [None, None, None, flip]);
     }
 
     /// The pelvis turns to and fro with every step; what stays over two steps is a turn.
@@ -215,12 +206,7 @@ mod tests {
             mean_psi_roll: None,
         };
         let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
-        let mut seen = |turn_deg| {
-            guard.watch(&StrideMeasures {
-                turn_deg,
-                ..Default::default()
-            })
-        };
+        let mut seen = |turn_deg| guard.watch(&StrideMeasures { turn_deg, ..Default::default() });
         assert_eq!([5.0, -8.0, 9.0].map(&mut seen), [None; 3]);
         assert_eq!(seen(-2.0), Some(Warning::Turn));
     }
@@ -240,10 +226,7 @@ mod tests {
         let in_place = InPlace::of(&[(-0.8, 1.0), (-0.8, 1.5)]);
         assert!((in_place.pitch_rate_change_deg_s - 0.5).abs() < 1e-12);
         let mut guard = Guard::new(&config, config.thresholds(in_place, 0.0));
-        let at = |psi_roll_deg| StrideMeasures {
-            psi_roll_deg,
-            ..Default::default()
-        };
+        let at = |psi_roll_deg| StrideMeasures { psi_roll_deg, ..Default::default() };
         assert_eq!(guard.watch(&at(-1.7)), None);
         assert_eq!(guard.watch(&at(-1.9)), Some(Warning::LowRoll));
     }

@@ -74,9 +74,7 @@ impl Act for GuardedExplorer<'_> {
         let Some(thresholds) = self.thresholds else {
             return Next::Go;
         };
-        let guard = self
-            .guard
-            .get_or_insert_with(|| Guard::new(self.config, thresholds));
+        let guard = self.guard.get_or_insert_with(|| Guard::new(self.config, thresholds));
         let warning = guard.watch(&transition.measures);
         self.warnings.extend(warning.map(|w| (self.strides, w)));
         let warned = warning.is_some();

@@ -57,12 +57,7 @@ pub fn paired_difference(a: &[f64], b: &[f64]) -> PairedDifference {
         let t = StudentsT::new(0.0, 1.0, n as f64 - 1.0).ok()?;
         Some(t.inverse_cdf(0.975) * sd / (n as f64).sqrt())
     });
-    PairedDifference {
-        mean,
-        low: half.map(|h| mean - h),
-        high: half.map(|h| mean + h),
-        pairs: n,
-    }
+    PairedDifference { mean, low: half.map(|h| mean - h), high: half.map(|h| mean + h), pairs: n }
 }
 
 /// Speed and falls after some strides, over seeds.
@@ -114,17 +109,11 @@ impl LearnerRow {
         const STEP: usize = 20;
         let budget = task.algorithm.strides_at_most.unwrap_or(300);
         let walks = |times: Option<WalkTimes>| times.map_or(0.0, |t| t.walk_s);
-        let (first_s, final_s) = (
-            walks(task.record.iteration_walk()),
-            walks(task.record.walk()),
-        );
+        let (first_s, final_s) = (walks(task.record.iteration_walk()), walks(task.record.walk()));
         let firsts = || runs.iter().filter_map(|r| r.iterations.first());
         let finals = || runs.iter().filter_map(|r| r.final_policy);
         let speed_at = |run: &Summary, strides: usize| {
-            let done = run
-                .iterations
-                .iter()
-                .take_while(|i| i.strides_so_far <= strides);
+            let done = run.iterations.iter().take_while(|i| i.strides_so_far <= strides);
             let proven = done.filter_map(|i| {
                 let proof = i.proof.as_ref()?;
                 let proven = proof.verdict == Verdict::Proven;
@@ -137,36 +126,22 @@ impl LearnerRow {
             best.map_or(0.0, |(_, speed)| speed)
         };
         let falls_at = |run: &Summary, strides: usize| {
-            let done = run
-                .iterations
-                .iter()
-                .filter(|i| i.strides_so_far <= strides);
+            let done = run.iterations.iter().filter(|i| i.strides_so_far <= strides);
             done.map(|i| i.falls).sum::<usize>()
         };
         let curve = (1..=budget / STEP).map(|i| {
             let strides = i * STEP;
             let speeds: Vec<f64> = runs.iter().map(|r| speed_at(r, strides)).collect();
             let falls: usize = runs.iter().map(|r| falls_at(r, strides)).sum();
-            LearnerPoint {
-                strides,
-                median_speed_m_s: median(&speeds),
-                falls: falls as f64 / runs.len().max(1) as f64,
-            }
+            LearnerPoint { strides, median_speed_m_s: median(&speeds), falls: falls as f64 / runs.len().max(1) as f64 }
         });
         Self {
             learner,
             first_speed_m_s: firsts().map(|i| i.speed_m_s.unwrap_or(0.0)).collect(),
-            first_falls: firsts()
-                .filter(|i| i.upright_s.is_some_and(|s| s < first_s))
-                .count(),
+            first_falls: firsts().filter(|i| i.upright_s.is_some_and(|s| s < first_s)).count(),
             final_speed_m_s: finals().map(|f| f.speed_m_s.unwrap_or(0.0)).collect(),
-            final_upright: finals()
-                .filter(|f| f.upright_s.is_some_and(|s| s >= final_s))
-                .count(),
-            falls: runs
-                .iter()
-                .map(|r| r.iterations.iter().map(|i| i.falls).sum())
-                .collect(),
+            final_upright: finals().filter(|f| f.upright_s.is_some_and(|s| s >= final_s)).count(),
+            falls: runs.iter().map(|r| r.iterations.iter().map(|i| i.falls).sum()).collect(),
             curve: curve.collect(),
         }
     }

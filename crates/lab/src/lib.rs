@@ -61,9 +61,7 @@ pub use algorithm::{Algorithm, NoRecorder, Progress, Recorder, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
-pub use compare::{
-    ComparePoint, CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t,
-};
+pub use compare::{ComparePoint, CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
 pub use error::{Invalid, LabError};
 pub use fall::FailureConfig;
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
@@ -71,8 +69,7 @@ pub use gaits::{BuildGait, GaitPart, gaits};
 pub use guard::{Guard, GuardConfig, GuardThresholds};
 pub use guarded::GuardedExplorer;
 pub use learner::{
-    ControlsConfig, IntegralAction, IntegralConfig, Known, LearnerKind, LearnerPart,
-    SearchSettings, learners,
+    ControlsConfig, IntegralAction, IntegralConfig, Known, LearnerKind, LearnerPart, SearchSettings, learners,
 };
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
@@ -85,17 +82,13 @@ pub use proof::{ProofConfig, Prover, shrunk};
 pub use provenance::{provenance_of, task_differences};
 pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, push};
 pub use registry::{Part, Registry};
-pub use reward::{
-    RewardOf, RewardPart, RewardQuantity, RewardTerm, reward, reward_of_state, rewards,
-};
+pub use reward::{RewardOf, RewardPart, RewardQuantity, RewardTerm, reward, reward_of_state, rewards};
 pub use robots::RobotChoice;
 pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
 pub use strides::{Act, ActionSource, Batch, Next, drive, make_strides};
 pub use success::SuccessConfig;
-pub use task::{
-    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task,
-};
+pub use task::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task};
 pub use trust::TrustConfig;
 pub use walk::Walker;

@@ -30,10 +30,7 @@ impl MeanRollConfig {
     /// ```
     #[must_use]
     pub fn limit(&self, in_place_deg: f64) -> MeanRollLimit {
-        MeanRollLimit {
-            strides: self.strides,
-            above_deg: in_place_deg + self.above_in_place_deg,
-        }
+        MeanRollLimit { strides: self.strides, above_deg: in_place_deg + self.above_in_place_deg }
     }
 }
 
@@ -71,10 +68,7 @@ mod tests {
     /// Over three strides and a limit of 5: (9, 0, 6) has the mean 5, (0, 6, 10) has 5.3.
     #[test]
     fn only_a_full_window_with_a_high_mean_tells() {
-        let limit = MeanRollLimit {
-            strides: 3,
-            above_deg: 5.0,
-        };
+        let limit = MeanRollLimit { strides: 3, above_deg: 5.0 };
         let mut watch = MeanRoll::default();
         let seen = [9.0, 0.0, 6.0, 10.0, 2.0].map(|psi| watch.is_high(psi, limit));
         assert_eq!(seen, [false, false, false, true, true]);

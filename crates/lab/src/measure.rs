@@ -42,11 +42,7 @@ struct Instant {
 impl Instant {
     fn of(state: &RobotState) -> Self {
         let [x, y, _] = state.com.position_m;
-        Self {
-            time_s: state.time_s,
-            com_m: [x, y],
-            heading_rad: state.base.heading_rad(),
-        }
+        Self { time_s: state.time_s, com_m: [x, y], heading_rad: state.base.heading_rad() }
     }
 }
 
@@ -119,21 +115,14 @@ impl StrideMeter {
     #[must_use]
     pub fn measures(&self, state: &RobotState, at_end: Option<&Pendulum>) -> StrideMeasures {
         let now = Instant::of(state);
-        let [dx, dy] = [
-            now.com_m[0] - self.start.com_m[0],
-            now.com_m[1] - self.start.com_m[1],
-        ];
+        let [dx, dy] = [now.com_m[0] - self.start.com_m[0], now.com_m[1] - self.start.com_m[1]];
         let (sin, cos) = self.first_heading_rad.sin_cos();
         let (sin_now, cos_now) = self.start.heading_rad.sin_cos();
         let ahead_m = cos_now * dx + sin_now * dy;
         let turn_rad = self.turn_rad(&now);
         let to_stance = at_end.map_or(0.0, |p| p.stance.lateral_sign());
         let per_elapsed = |integral: f64| {
-            if self.elapsed_s > 0.0 {
-                integral / self.elapsed_s
-            } else {
-                0.0
-            }
+            if self.elapsed_s > 0.0 { integral / self.elapsed_s } else { 0.0 }
         };
         StrideMeasures {
             duration_s: now.time_s - self.start.time_s,
@@ -150,11 +139,8 @@ impl StrideMeter {
             mean_psi_pitch_rate_deg_s: per_elapsed(self.pitch_rate_integral_deg),
             energy_j: self.energy_j,
             peak_foot_load_n: self.peak_foot_load_n,
-            posture_deviation_deg: per_elapsed(self.deviation_square_integral_rad2_s)
-                .sqrt()
-                .to_degrees(),
-            cost_of_transport: self.energy_j
-                / (self.mass_kg * GRAVITY_M_S2 * ahead_m.abs().max(LEAST_WAY_M)),
+            posture_deviation_deg: per_elapsed(self.deviation_square_integral_rad2_s).sqrt().to_degrees(),
+            cost_of_transport: self.energy_j / (self.mass_kg * GRAVITY_M_S2 * ahead_m.abs().max(LEAST_WAY_M)),
         }
     }
 }
@@ -173,13 +159,7 @@ mod tests {
     }
 
     fn standing_on(stance: Side) -> Pendulum {
-        Pendulum {
-            roll_rad: 0.0,
-            roll_rate_rad_s: 0.0,
-            pitch_rad: 0.0,
-            pitch_rate_rad_s: 0.0,
-            stance,
-        }
+        Pendulum { roll_rad: 0.0, roll_rate_rad_s: 0.0, pitch_rad: 0.0, pitch_rate_rad_s: 0.0, stance }
     }
 
     /// Four left turns of 100 deg, the feet alternating: the heading goes on to 400 deg, + on the left

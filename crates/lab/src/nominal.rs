@@ -63,13 +63,7 @@ struct Extremes {
 struct Watch(FailureConfig, Arc<Mutex<Extremes>>);
 
 impl TickObserver for Watch {
-    fn tick(
-        &mut self,
-        _: &dyn Robot,
-        state: &RobotState,
-        crossing: Option<&Crossing>,
-        _: Option<[f64; 3]>,
-    ) {
+    fn tick(&mut self, _: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, _: Option<[f64; 3]>) {
         let Ok(mut seen) = self.1.lock() else { return };
         let height_m = state.com.position_m[2];
         if seen.first_height_m <= 0.0 || state.time_s < seen.last_s {
@@ -99,38 +93,13 @@ impl TickObserver for Watch {
 
 impl Extremes {
     /// The first threshold that was passed, with the furthest value.
-    fn beyond(
-        &self,
-        failure: &FailureConfig,
-        least_psi_roll_deg: f64,
-        in_place: &InPlace,
-    ) -> Option<Fall> {
-        let of = |criterion, value, threshold, passed: bool| {
-            passed.then_some(Fall {
-                criterion,
-                value,
-                threshold,
-            })
-        };
+    fn beyond(&self, failure: &FailureConfig, least_psi_roll_deg: f64, in_place: &InPlace) -> Option<Fall> {
+        let of = |criterion, value, threshold, passed: bool| passed.then_some(Fall { criterion, value, threshold });
         let (height, tilt) = (failure.com_height_below, failure.tilt_above_deg);
         failure
             .of_section(least_psi_roll_deg, in_place)
-            .or_else(|| {
-                of(
-                    FallCriterion::Height,
-                    self.least_height,
-                    height,
-                    self.least_height < height,
-                )
-            })
-            .or_else(|| {
-                of(
-                    FallCriterion::Tilt,
-                    self.most_tilt_deg,
-                    tilt,
-                    self.most_tilt_deg > tilt,
-                )
-            })
+            .or_else(|| of(FallCriterion::Height, self.least_height, height, self.least_height < height))
+            .or_else(|| of(FallCriterion::Tilt, self.most_tilt_deg, tilt, self.most_tilt_deg > tilt))
             .or_else(|| failure.of_wait(self.longest_wait_s))
     }
 }
@@ -139,20 +108,12 @@ impl Extremes {
 struct Steps<'a>(Actor<'a>);
 
 impl Act for Steps<'_> {
-    fn act(
-        &mut self,
-        state: &[f64],
-        rng: &mut rand_chacha::ChaCha8Rng,
-    ) -> stridemap_returnmap::Action {
+    fn act(&mut self, state: &[f64], rng: &mut rand_chacha::ChaCha8Rng) -> stridemap_returnmap::Action {
         self.0.act(state, rng)
     }
 
     fn saw(&mut self, t: &Transition) -> Next {
-        if t.end != StrideEnd::Crossing || t.time_s >= NOMINAL_S {
-            Next::Stop
-        } else {
-            Next::Go
-        }
+        if t.end != StrideEnd::Crossing || t.time_s >= NOMINAL_S { Next::Stop } else { Next::Go }
     }
 }
 
@@ -170,29 +131,16 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
         no_section_s: own.no_section_s.max(DOWN.no_section_s),
         ..DOWN
     };
-    let mut plant = Task {
-        failure: down,
-        ..task.clone()
-    }
-    .plant()?;
+    let mut plant = Task { failure: down, ..task.clone() }.plant()?;
     let seen = Arc::new(Mutex::new(Extremes::default()));
     plant.observe(Some(Box::new(Watch(own, Arc::clone(&seen)))));
     let neutral = ExploreConfig {
-        center: task
-            .action_limits()?
-            .iter()
-            .map(|l| [l.neutral; 2])
-            .collect(),
+        center: task.action_limits()?.iter().map(|l| [l.neutral; 2]).collect(),
         std: vec![0.0; task.action.len()],
         hold: 1,
     };
     let source = ActionSource::Explore(&neutral);
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: 1000,
-    };
+    let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: 1000 };
     let made = drive(
         &mut plant,
         &mut Steps(Actor::new(&source)),
@@ -202,14 +150,9 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
         &mut |_| Ok(()),
     );
     plant.observe(None);
-    let seen = seen
-        .lock()
-        .map_or_else(|_| Extremes::default(), |seen| seen.clone());
+    let seen = seen.lock().map_or_else(|_| Extremes::default(), |seen| seen.clone());
     let made = made.map_err(|error| started(error, &seen))?;
-    let stepped: Vec<&Transition> = made
-        .iter()
-        .filter(|t| t.end == StrideEnd::Crossing)
-        .collect();
+    let stepped: Vec<&Transition> = made.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
     let mut gait = NominalGait {
         strides: stepped.len(),
         mean_reward: stepped.iter().map(|t| t.reward).sum::<f64>() / stepped.len().max(1) as f64,
@@ -222,11 +165,8 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     gait.fell = last.map(|last| seen.first.unwrap_or(last));
     // A relative threshold is looked at once it is known what it is relative to.
     let after_start = stepped.iter().map(|t| t.measures.psi_roll_deg);
-    let least_psi_roll_deg = if own.psi_roll_relative {
-        after_start.fold(f64::INFINITY, f64::min)
-    } else {
-        seen.least_psi_roll_deg
-    };
+    let least_psi_roll_deg =
+        if own.psi_roll_relative { after_start.fold(f64::INFINITY, f64::min) } else { seen.least_psi_roll_deg };
     if gait.fell.is_none() {
         gait.beyond = seen.beyond(&own, least_psi_roll_deg, &plant.in_place());
     }
@@ -240,9 +180,7 @@ fn started(error: LabError, seen: &Extremes) -> LabError {
     };
     match world.downcast::<LabError>() {
         Ok(mut error) => {
-            if let (LabError::NominalGaitFails { time_s, fall, .. }, Some(first)) =
-                (error.as_mut(), seen.first)
-            {
+            if let (LabError::NominalGaitFails { time_s, fall, .. }, Some(first)) = (error.as_mut(), seen.first) {
                 (*time_s, *fall) = first;
             }
             *error
@@ -298,32 +236,22 @@ impl NominalGait {
         if let Some(beyond) = &self.beyond {
             let key = beyond.criterion.key();
             let (value, reached) = match beyond.criterion {
-                FallCriterion::PsiRoll => (
-                    failure.psi_roll_below_deg,
-                    format!("psi_roll down to {:.2} deg", beyond.value),
-                ),
-                FallCriterion::Height => (
-                    failure.com_height_below,
-                    format!("a height down to {:.3} of the first", beyond.value),
-                ),
-                FallCriterion::Tilt => (
-                    failure.tilt_above_deg,
-                    format!("a tilt up to {:.1} deg", beyond.value),
-                ),
-                FallCriterion::NoSection => (
-                    failure.no_section_s,
-                    format!("up to {:.2} s without a section", beyond.value),
-                ),
+                FallCriterion::PsiRoll => {
+                    (failure.psi_roll_below_deg, format!("psi_roll down to {:.2} deg", beyond.value))
+                }
+                FallCriterion::Height => {
+                    (failure.com_height_below, format!("a height down to {:.3} of the first", beyond.value))
+                }
+                FallCriterion::Tilt => (failure.tilt_above_deg, format!("a tilt up to {:.1} deg", beyond.value)),
+                FallCriterion::NoSection => {
+                    (failure.no_section_s, format!("up to {:.2} s without a section", beyond.value))
+                }
             };
-            let relative =
-                if beyond.criterion == FallCriterion::PsiRoll && failure.psi_roll_relative {
-                    format!(
-                        " below the robot's own in place, that is {:.2},",
-                        beyond.threshold
-                    )
-                } else {
-                    String::new()
-                };
+            let relative = if beyond.criterion == FallCriterion::PsiRoll && failure.psi_roll_relative {
+                format!(" below the robot's own in place, that is {:.2},", beyond.threshold)
+            } else {
+                String::new()
+            };
             return Err(Invalid {
                 key: key.into(),
                 requirement: format!(
@@ -349,8 +277,7 @@ mod tests {
         let task = builtin::load("stepping", &sets).unwrap().task;
         let gait = nominal_gait(&task, 1).unwrap();
         assert!(gait.fell.is_none() && gait.strides > 20, "{gait:?}");
-        gait.refuse(&task.failure)
-            .map_or_else(|e| e.to_string(), |()| String::new())
+        gait.refuse(&task.failure).map_or_else(|e| e.to_string(), |()| String::new())
     }
 
     /// The nominal gait of the biped settles at 3.0 deg and earns -0.10 a stride.
@@ -364,29 +291,15 @@ mod tests {
             "{psi}"
         );
         let height = refused(&["failure.com_height_below=0.999"]);
-        assert!(
-            height.starts_with("failure.com_height_below: is 0.999"),
-            "{height}"
-        );
+        assert!(height.starts_with("failure.com_height_below: is 0.999"), "{height}");
         let tilt = refused(&["failure.tilt_above_deg=1"]);
         assert!(tilt.starts_with("failure.tilt_above_deg: is 1,"), "{tilt}");
         let wait = refused(&["failure.no_section_s=0.3"]);
         assert!(wait.starts_with("failure.no_section_s: is 0.3"), "{wait}");
-        let relative = refused(&[
-            "failure.psi_roll_relative=true",
-            "failure.psi_roll_below_deg=1",
-            "collect.warm_up_strides=4",
-        ]);
-        assert!(
-            relative.contains("below the robot's own in place, that is"),
-            "{relative}"
-        );
+        let relative =
+            refused(&["failure.psi_roll_relative=true", "failure.psi_roll_below_deg=1", "collect.warm_up_strides=4"]);
+        assert!(relative.contains("below the robot's own in place, that is"), "{relative}");
         let price = refused(&["failure.reward=-0.05"]);
-        assert!(
-            price.starts_with(
-                "failure.reward: is -0.05, and a stride of the nominal gait earns -0.1"
-            ),
-            "{price}"
-        );
+        assert!(price.starts_with("failure.reward: is -0.05, and a stride of the nominal gait earns -0.1"), "{price}");
     }
 }

@@ -44,10 +44,7 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
             _ => None,
         };
         if let (None, Some(requirement)) = (&fault, requirement) {
-            fault = Some(Invalid {
-                key: key.to_owned(),
-                requirement,
-            });
+            fault = Some(Invalid { key: key.to_owned(), requirement });
         }
     });
     walked.map_err(|error| LabError::Config(Box::new(error)))?;
@@ -93,11 +90,7 @@ mod tests {
                     Value::Integer(_) => &["9223372036854775807"],
                     _ => &[],
                 };
-                sets.extend(
-                    values
-                        .iter()
-                        .map(|v| (key.to_owned(), format!("{key}={v}"))),
-                );
+                sets.extend(values.iter().map(|v| (key.to_owned(), format!("{key}={v}"))));
             })
             .unwrap();
             assert!(sets.len() > 100);
@@ -112,18 +105,9 @@ mod tests {
     #[test]
     fn a_bound_is_named_with_key_and_value() {
         for (set, expected) in [
-            (
-                "map.starts=9223372036854775807",
-                "map.starts: is 9223372036854775807, must lie between 1 and 1000",
-            ),
-            (
-                "reward.0.target_deg=inf",
-                "reward.0.target_deg: is inf, must be finite and at most 1e12 in size",
-            ),
-            (
-                "collect.strides=[20, 1000000]",
-                "collect.strides.1: is 1000000, must lie between 0 and 100000",
-            ),
+            ("map.starts=9223372036854775807", "map.starts: is 9223372036854775807, must lie between 1 and 1000"),
+            ("reward.0.target_deg=inf", "reward.0.target_deg: is inf, must be finite and at most 1e12 in size"),
+            ("collect.strides=[20, 1000000]", "collect.strides.1: is 1000000, must lie between 0 and 100000"),
         ] {
             let error = load("stepping", &[set.into()]).unwrap_err().to_string();
             assert!(error.ends_with(expected), "{error}");

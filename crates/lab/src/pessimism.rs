@@ -13,8 +13,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 use stridemap_returnmap::{
-    ActionLaw, ActionLimits, LearnedMap, MapDraw, MapFailure, MapStart, ProcessError, ProcessSpec,
-    State, StateReward, Stride, StrideEnd, StrideProcess,
+    ActionLaw, ActionLimits, LearnedMap, MapDraw, MapFailure, MapStart, ProcessError, ProcessSpec, State, StateReward,
+    Stride, StrideEnd, StrideProcess,
 };
 
 /// How much a stride in the map costs for what is not known or not safe.
@@ -66,11 +66,7 @@ impl<'a> CautiousMap<'a> {
     /// # Errors
     ///
     /// [`ProcessError::Parameter`] for limits outside their domain.
-    pub fn new(
-        map: &'a LearnedMap,
-        config: PessimismConfig,
-        world: CautiousWorld,
-    ) -> Result<Self, ProcessError> {
+    pub fn new(map: &'a LearnedMap, config: PessimismConfig, world: CautiousWorld) -> Result<Self, ProcessError> {
         Ok(Self {
             law: ActionLaw::new(world.limits.clone())?,
             map,
@@ -117,11 +113,9 @@ impl StrideProcess for CautiousMap<'_> {
         let config = self.map.config();
         self.law.reset();
         let state: State = match config.start {
-            MapStart::Uniform => config
-                .start_range
-                .iter()
-                .map(|[low, high]| low + (high - low) * rng.random::<f64>())
-                .collect(),
+            MapStart::Uniform => {
+                config.start_range.iter().map(|[low, high]| low + (high - low) * rng.random::<f64>()).collect()
+            }
             MapStart::Data => {
                 let samples = self.map.samples();
                 let sample = &samples[rng.random_range(0..samples.len())];
@@ -160,11 +154,7 @@ impl StrideProcess for CautiousMap<'_> {
         }
         let failure = self.world.failure;
         let fell = failure.fell(&next_state);
-        let mut reward = if fell {
-            failure.reward
-        } else {
-            self.doubtful_reward(means, variances, prediction.reward)
-        };
+        let mut reward = if fell { failure.reward } else { self.doubtful_reward(means, variances, prediction.reward) };
         if let (false, Some((c, bound))) = (fell, self.world.psi_roll) {
             let noise = self.map.outputs()[c].hyperparameters().noise_variance;
             let sd = (variances[c] + noise).sqrt().max(f64::MIN_POSITIVE);
@@ -180,11 +170,6 @@ impl StrideProcess for CautiousMap<'_> {
             self.state = Some(next_state.clone());
             StrideEnd::Crossing
         };
-        Ok(Stride {
-            action,
-            next_state,
-            reward,
-            end,
-        })
+        Ok(Stride { action, next_state, reward, end })
     }
 }

@@ -92,13 +92,7 @@ pub struct Push {
 pub trait TickObserver: Send {
     /// Called after each control period. `crossing` is set when a section was found in it, `push_n`
     /// while a force acts.
-    fn tick(
-        &mut self,
-        robot: &dyn Robot,
-        state: &RobotState,
-        crossing: Option<&Crossing>,
-        push_n: Option<[f64; 3]>,
-    );
+    fn tick(&mut self, robot: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, push_n: Option<[f64; 3]>);
 }
 
 /// Observes what the policy asked for and where the sections were: a log.
@@ -202,8 +196,7 @@ impl Plant {
 
     /// The next stride of a batch that was made before, if there is one.
     pub(crate) fn next_recalled(&mut self, batch: &Batch) -> Option<Transition> {
-        let of_batch =
-            |t: &mut Transition| (t.iteration, t.phase) == (batch.iteration, batch.phase);
+        let of_batch = |t: &mut Transition| (t.iteration, t.phase) == (batch.iteration, batch.phase);
         let stride = self.recalled.pop_front_if(of_batch)?;
         self.counters.strides += 1;
         self.count_end(stride.end, stride.fall.as_ref(), true);
@@ -248,8 +241,7 @@ impl Plant {
 
     /// Whether there were more falls than are allowed.
     pub(crate) fn has_fallen_too_often(&self) -> bool {
-        self.falls_at_most
-            .is_some_and(|most| self.falls.len() > most)
+        self.falls_at_most.is_some_and(|most| self.falls.len() > most)
     }
 
     /// Why the last stride was aborted, if it was.
@@ -345,10 +337,7 @@ impl Plant {
     /// Starts a pending push when the stance changes, and ends one whose time is over.
     fn update_push(&mut self, stance_before: Option<Side>) -> Result<(), RobotError> {
         let now_s = self.robot_time_s();
-        if self
-            .push_until_s
-            .is_some_and(|until_s| now_s >= until_s - 1e-9)
-        {
+        if self.push_until_s.is_some_and(|until_s| now_s >= until_s - 1e-9) {
             self.push_until_s = None;
             self.push_force_n = None;
             self.robot.set_push([0.0; 3])?;
@@ -401,16 +390,8 @@ impl Plant {
         components.map(|component| (component.of)(at)).collect()
     }
 
-    fn at_section<'a>(
-        &'a self,
-        measures: &'a StrideMeasures,
-        pendulum: Option<&'a Pendulum>,
-    ) -> AtSection<'a> {
-        AtSection {
-            measures,
-            robot: self.robot.state(),
-            pendulum,
-        }
+    fn at_section<'a>(&'a self, measures: &'a StrideMeasures, pendulum: Option<&'a Pendulum>) -> AtSection<'a> {
+        AtSection { measures, robot: self.robot.state(), pendulum }
     }
 
     fn count_end(&mut self, end: StrideEnd, fall: Option<&Fall>, in_stride: bool) {
@@ -493,11 +474,7 @@ impl StrideProcess for Plant {
                     return Ok(state);
                 }
                 Err(fall) if attempts == START_ATTEMPTS => {
-                    return Err(world(LabError::NominalGaitFails {
-                        attempts,
-                        time_s: self.robot_time_s(),
-                        fall,
-                    }));
+                    return Err(world(LabError::NominalGaitFails { attempts, time_s: self.robot_time_s(), fall }));
                 }
                 Err(_) => {}
             }
@@ -513,9 +490,7 @@ impl StrideProcess for Plant {
         }
         let action = self.law.apply(action)?;
         for (component, value) in self.task.action.iter().zip(&action) {
-            self.gait
-                .modulate(component.modulation, *value)
-                .map_err(world)?;
+            self.gait.modulate(component.modulation, *value).map_err(world)?;
         }
         self.meter.begin_stride(self.robot.state());
         self.true_way.begin_stride(self.robot.true_state());

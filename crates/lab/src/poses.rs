@@ -21,8 +21,7 @@ impl Filming {
     pub(crate) fn begin(plant: &mut Plant, takes: &[(Pace, [f64; 2])]) -> Self {
         let (mut observers, mut growing) = (Vec::new(), Vec::new());
         for &(pace, [begin_s, end_s]) in takes {
-            let (observer, recording) =
-                PoseRecorder::new(plant.robot(), pace.period_s(), begin_s, end_s);
+            let (observer, recording) = PoseRecorder::new(plant.robot(), pace.period_s(), begin_s, end_s);
             observers.push(observer);
             growing.push((pace, recording));
         }
@@ -48,12 +47,7 @@ pub(crate) struct Takes(Vec<(Pace, Recording)>);
 
 impl Takes {
     /// Hands them out. A time lapse begins with the first of `strides`.
-    pub(crate) fn keep(
-        self,
-        what: &str,
-        strides: &[Transition],
-        recorder: &mut dyn Recorder,
-    ) -> Result<(), LabError> {
+    pub(crate) fn keep(self, what: &str, strides: &[Transition], recorder: &mut dyn Recorder) -> Result<(), LabError> {
         for (pace, mut recording) in self.0 {
             if pace == Pace::Lapse {
                 recording.begin_with(strides);
@@ -77,18 +71,9 @@ pub struct PoseRecorder {
 impl PoseRecorder {
     /// A recorder with one frame every `period_s`, and the place where the recording grows.
     #[must_use]
-    pub fn new(
-        robot: &dyn Robot,
-        period_s: f64,
-        begin_s: f64,
-        end_s: f64,
-    ) -> (Self, Arc<Mutex<Recording>>) {
-        let recording = Arc::new(Mutex::new(Recording {
-            format: 1,
-            shapes: robot.geometry(),
-            period_s,
-            frames: Vec::new(),
-        }));
+    pub fn new(robot: &dyn Robot, period_s: f64, begin_s: f64, end_s: f64) -> (Self, Arc<Mutex<Recording>>) {
+        let recording =
+            Arc::new(Mutex::new(Recording { format: 1, shapes: robot.geometry(), period_s, frames: Vec::new() }));
         let recorder = Self {
             recording: Arc::clone(&recording),
             begin_s,
@@ -107,13 +92,7 @@ fn rounded(value: f64) -> f64 {
 }
 
 impl TickObserver for Vec<PoseRecorder> {
-    fn tick(
-        &mut self,
-        robot: &dyn Robot,
-        state: &RobotState,
-        crossing: Option<&Crossing>,
-        push_n: Option<[f64; 3]>,
-    ) {
+    fn tick(&mut self, robot: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, push_n: Option<[f64; 3]>) {
         for recorder in self {
             recorder.tick(robot, state, crossing, push_n);
         }
@@ -121,29 +100,16 @@ impl TickObserver for Vec<PoseRecorder> {
 }
 
 impl TickObserver for PoseRecorder {
-    fn tick(
-        &mut self,
-        robot: &dyn Robot,
-        state: &RobotState,
-        crossing: Option<&Crossing>,
-        push_n: Option<[f64; 3]>,
-    ) {
+    fn tick(&mut self, robot: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, push_n: Option<[f64; 3]>) {
         self.crossing |= crossing.is_some();
-        if state.time_s < self.begin_s
-            || state.time_s > self.end_s
-            || state.time_s < self.next_s - 1e-9
-        {
+        if state.time_s < self.begin_s || state.time_s > self.end_s || state.time_s < self.next_s - 1e-9 {
             return;
         }
         let Ok(mut recording) = self.recording.lock() else {
             return;
         };
         // After a fall the robot's clock starts anew: one unbroken stretch is recorded.
-        if recording
-            .frames
-            .last()
-            .is_some_and(|last| last.time_s > state.time_s)
-        {
+        if recording.frames.last().is_some_and(|last| last.time_s > state.time_s) {
             return;
         }
         self.next_s += recording.period_s;

@@ -98,29 +98,17 @@ impl<'a> Prover<'a> {
         Proof {
             verdict: self.verdict,
             warning: self.warning,
-            speed_m_s: if self.time_s > 0.0 {
-                self.forward_m / self.time_s
-            } else {
-                0.0
-            },
+            speed_m_s: if self.time_s > 0.0 { self.forward_m / self.time_s } else { 0.0 },
             strides: self.walked,
             attempts: 1,
-            action: self
-                .actions
-                .iter()
-                .map(|a| a / settled.max(1) as f64)
-                .collect(),
+            action: self.actions.iter().map(|a| a / settled.max(1) as f64).collect(),
         }
     }
 
     fn warned(&mut self) -> Next {
         self.verdict = Verdict::Warned;
         self.backing_off = Some(self.config.back_off_strides);
-        if self.config.back_off_strides == 0 {
-            Next::Stop
-        } else {
-            Next::Go
-        }
+        if self.config.back_off_strides == 0 { Next::Stop } else { Next::Go }
     }
 }
 
@@ -137,10 +125,7 @@ impl Act for Prover<'_> {
             return action;
         }
         let safe = self.fallback.mean(state);
-        safe.iter()
-            .zip(&self.config.back_off)
-            .map(|(u, less)| u - less)
-            .collect()
+        safe.iter().zip(&self.config.back_off).map(|(u, less)| u - less).collect()
     }
 
     fn saw(&mut self, transition: &Transition) -> Next {
@@ -165,9 +150,7 @@ impl Act for Prover<'_> {
             return self.warned();
         }
         let speed_m_s = self.forward_m / self.time_s.max(f64::MIN_POSITIVE);
-        if self.walked == self.config.trial_strides
-            && self.beat_m_s.is_some_and(|beat| speed_m_s <= beat)
-        {
+        if self.walked == self.config.trial_strides && self.beat_m_s.is_some_and(|beat| speed_m_s <= beat) {
             self.verdict = Verdict::Slower;
             return Next::Stop;
         }
@@ -185,24 +168,18 @@ impl Act for Prover<'_> {
 /// # Errors
 ///
 /// [`LabError::Learn`] if the constants leave the policy's domain.
-pub fn shrunk(
-    policy: &SavedPolicy,
-    neutral: &[f64],
-    factor: f64,
-) -> Result<Option<SavedPolicy>, LabError> {
+pub fn shrunk(policy: &SavedPolicy, neutral: &[f64], factor: f64) -> Result<Option<SavedPolicy>, LabError> {
     let pulled = |action: &[f64]| -> Vec<f64> {
         let both = action.iter().zip(neutral);
         both.map(|(u, n)| n + factor * (u - n)).collect()
     };
     Ok(match policy {
-        SavedPolicy::Constant(p) => Some(SavedPolicy::Constant(ConstantPolicy::new(
-            policy.spec().clone(),
-            &pulled(p.action()),
-        )?)),
-        SavedPolicy::Linear(p) => Some(SavedPolicy::Constant(ConstantPolicy::new(
-            policy.spec().clone(),
-            &pulled(p.action()),
-        )?)),
+        SavedPolicy::Constant(p) => {
+            Some(SavedPolicy::Constant(ConstantPolicy::new(policy.spec().clone(), &pulled(p.action()))?))
+        }
+        SavedPolicy::Linear(p) => {
+            Some(SavedPolicy::Constant(ConstantPolicy::new(policy.spec().clone(), &pulled(p.action()))?))
+        }
         _ => None,
     })
 }

@@ -16,8 +16,7 @@ pub fn provenance_of(
     git_revision: Option<&str>,
     command: String,
 ) -> Result<Provenance, LabError> {
-    let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone())
-        .map_err(|error| task.located(error))?;
+    let robot = stridemap_mujoco::MujocoRobot::new(task.robot.clone()).map_err(|error| task.located(error))?;
     let engine = robot.provenance()?;
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     Ok(Provenance {
@@ -27,11 +26,7 @@ pub fn provenance_of(
         model_hash: engine.model_sha256.clone(),
         model_copy_sha256: None,
         seed,
-        machine: format!(
-            "{} {}, {processors} processors",
-            std::env::consts::OS,
-            std::env::consts::ARCH
-        ),
+        machine: format!("{} {}, {processors} processors", std::env::consts::OS, std::env::consts::ARCH),
         command,
         start: jiff::Timestamp::now().to_string(),
         end: None,

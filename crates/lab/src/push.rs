@@ -42,11 +42,7 @@ impl PushConfig {
     /// ```
     #[must_use]
     pub fn of(force_n: Option<f64>, mass_kg: f64, duration_s: f64, strides: usize) -> Self {
-        Self {
-            force_n: force_n.unwrap_or(mass_kg * PUSH_VELOCITY_CHANGE_M_S / duration_s),
-            duration_s,
-            strides,
-        }
+        Self { force_n: force_n.unwrap_or(mass_kg * PUSH_VELOCITY_CHANGE_M_S / duration_s), duration_s, strides }
     }
 }
 
@@ -70,12 +66,8 @@ pub fn push(
     let mut forces = stream(seed, Role::Push, 1);
     let mut rng = stream(seed, Role::Push, 0);
     let mut pushed: Vec<Option<f64>> = Vec::with_capacity(SETTLE + config.strides);
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: SETTLE + config.strides,
-    };
+    let batch =
+        Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: SETTLE + config.strides };
     let fell_before = plant.falls().len();
     let transitions = make_strides(
         plant,
@@ -86,10 +78,7 @@ pub fn push(
             let push = index >= SETTLE && (index - SETTLE).is_multiple_of(EVERY);
             let left_n = push.then(|| config.force_n * (2.0 * forces.random::<f64>() - 1.0));
             if let Some(left_n) = left_n {
-                plant.push_in_next_stride(Push {
-                    left_n,
-                    duration_s: config.duration_s,
-                });
+                plant.push_in_next_stride(Push { left_n, duration_s: config.duration_s });
             }
             pushed.truncate(index); // an aborted stride is asked for again
             pushed.push(left_n);
@@ -98,11 +87,7 @@ pub fn push(
     )?;
 
     let psi_deg = |i: usize| transitions[i].measures.psi_roll_deg;
-    let reached = |i: usize| {
-        transitions
-            .get(i)
-            .is_some_and(|t| t.end == StrideEnd::Crossing)
-    };
+    let reached = |i: usize| transitions.get(i).is_some_and(|t| t.end == StrideEnd::Crossing);
     let data: Vec<PushPair> = pushed
         .iter()
         .enumerate()
@@ -129,10 +114,7 @@ pub fn push(
         slope_std_error: after_2.map(|l| l.slope_std_error),
         fixed_point_deg: after_2.and_then(|l| l.fixed_point_deg),
         after_1,
-        falls: transitions
-            .iter()
-            .filter(|t| t.end == StrideEnd::Fell)
-            .count(),
+        falls: transitions.iter().filter(|t| t.end == StrideEnd::Fell).count(),
         causes: plant.falls()[fell_before..].iter().map(|f| f.1).collect(),
         pairs: data.len(),
         strides: config.strides,

@@ -43,11 +43,7 @@ impl<P: Part + ?Sized> Registry<P> {
     /// A registry of the built-in parts; `kind` is the singular, for messages.
     #[must_use]
     pub const fn new(kind: &'static str, built_in: &'static [&'static P]) -> Self {
-        Self {
-            kind,
-            built_in,
-            added: RwLock::new(Vec::new()),
-        }
+        Self { kind, built_in, added: RwLock::new(Vec::new()) }
     }
 
     /// Adds a part of one's own.

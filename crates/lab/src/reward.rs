@@ -44,12 +44,7 @@ macro_rules! quantity {
     ($constant:ident, $name:literal, $about:literal, $has_target:literal, $of:expr) => {
         #[doc = $about]
         pub const $constant: Self = {
-            static PART: RewardPart = RewardPart {
-                name: $name,
-                about: $about,
-                has_target: $has_target,
-                of: $of,
-            };
+            static PART: RewardPart = RewardPart { name: $name, about: $about, has_target: $has_target, of: $of };
             Self(&PART)
         };
     };
@@ -61,8 +56,7 @@ impl RewardQuantity {
         "psi_roll_squared_error",
         "−(ψ_roll − target_deg)², deg² (MA09, eqs. 27, 30)",
         true,
-        RewardOf::State(StateComponent::PSI_ROLL_DEG, |psi, target| -(psi - target)
-            .powi(2))
+        RewardOf::State(StateComponent::PSI_ROLL_DEG, |psi, target| -(psi - target).powi(2))
     );
     quantity!(
         PSI_PITCH_RATE_DEG_S,
@@ -211,10 +205,5 @@ pub fn reward_of_state(
         RewardOf::Stride(_) => None,
     });
     let placed: Vec<(RewardTerm, usize)> = placed.collect::<Option<_>>()?;
-    Some(move |state: &[f64]| {
-        placed
-            .iter()
-            .map(|(term, i)| term.of_value(state[*i]))
-            .sum()
-    })
+    Some(move |state: &[f64]| placed.iter().map(|(term, i)| term.of_value(state[*i])).sum())
 }

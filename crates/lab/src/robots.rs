@@ -99,17 +99,9 @@ mod tests {
 
     #[test]
     fn hardware_effects_come_and_go_and_individuals_follow_the_seed() {
-        let small = |choice, seed| {
-            load("small-stepping", &[])
-                .unwrap()
-                .on(choice, seed)
-                .unwrap()
-        };
+        let small = |choice, seed| load("small-stepping", &[]).unwrap().on(choice, seed).unwrap();
         let as_written = small(None, 7).task;
-        assert_eq!(
-            as_written.robot.hardware.as_ref().unwrap().individual,
-            Some(7)
-        );
+        assert_eq!(as_written.robot.hardware.as_ref().unwrap().individual, Some(7));
         assert_eq!(as_written, small(Some(RobotChoice::Op3), 7).task);
         let ideal = small(Some(RobotChoice::Op3Ideal), 7);
         assert!(ideal.task.robot.hardware.is_none() && ideal.task.robot.estimated);
@@ -123,13 +115,7 @@ mod tests {
 
     #[test]
     fn the_big_biped_has_no_small_twin() {
-        let error = load("stepping", &[])
-            .unwrap()
-            .on(Some(RobotChoice::Op3), 1)
-            .unwrap_err();
-        assert!(
-            error.is_request() && error.to_string().contains("robot.model"),
-            "{error}"
-        );
+        let error = load("stepping", &[]).unwrap().on(Some(RobotChoice::Op3), 1).unwrap_err();
+        assert!(error.is_request() && error.to_string().contains("robot.model"), "{error}");
     }
 }

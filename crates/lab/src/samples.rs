@@ -22,10 +22,7 @@ const AT_MOST: usize = 400;
 pub fn one_step_error(map: &LearnedMap) -> Result<f64, LabError> {
     let mut largest: f64 = 0.0;
     for gp in map.outputs() {
-        let residuals = gp
-            .leave_one_out()
-            .map_err(stridemap_returnmap::ProcessError::from)?
-            .residuals;
+        let residuals = gp.leave_one_out().map_err(stridemap_returnmap::ProcessError::from)?.residuals;
         let targets = gp.targets();
         let n = targets.len() as f64;
         let mean = targets.iter().sum::<f64>() / n;
@@ -47,15 +44,9 @@ pub fn one_step_error(map: &LearnedMap) -> Result<f64, LabError> {
 /// [`LabError::TooFewStrides`] if fewer than two strides reached the next section;
 /// [`LabError::Process`] if the map cannot predict them.
 pub fn unseen_error(map: &LearnedMap, strides: &[Transition]) -> Result<f64, LabError> {
-    let reached: Vec<&Transition> = strides
-        .iter()
-        .filter(|t| t.end == StrideEnd::Crossing)
-        .collect();
+    let reached: Vec<&Transition> = strides.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
     if reached.len() < 2 {
-        return Err(LabError::TooFewStrides {
-            found: reached.len(),
-            needed: 2,
-        });
+        return Err(LabError::TooFewStrides { found: reached.len(), needed: 2 });
     }
     let n = reached.len() as f64;
     let components = map.outputs().len();
@@ -94,10 +85,7 @@ impl Algorithm<'_> {
         let mut counted = PlantCounters::default();
         let mut part = 0;
         while all.len() + PART <= budget.min(AT_MOST) {
-            let next = Batch {
-                strides: PART,
-                ..batch
-            };
+            let next = Batch { strides: PART, ..batch };
             let (made, more) = self.collect_batch(None, next, part, recorder)?;
             let good = if all.is_empty() {
                 false
@@ -135,10 +123,7 @@ mod tests {
     /// outcome, it errs by about as much as the data are spread.
     #[test]
     fn a_map_errs_more_on_strides_that_are_wrong() {
-        let sets = [
-            "collect.strides=[20]".into(),
-            "record.pose_seconds=0".into(),
-        ];
+        let sets = ["collect.strides=[20]".into(), "record.pose_seconds=0".into()];
         let task = builtin::load("stepping", &sets).unwrap().task;
         let mut algorithm = Algorithm::new(&task, 1).unwrap();
         algorithm.collect(&mut NoRecorder).unwrap();
@@ -172,11 +157,7 @@ mod tests {
             algorithm.collect(&mut NoRecorder).unwrap();
             algorithm.progress.transitions.len()
         };
-        assert_eq!(
-            collected("0.99"),
-            40,
-            "the second part is the first that is unseen"
-        );
+        assert_eq!(collected("0.99"), 40, "the second part is the first that is unseen");
         assert_eq!(collected("0.0001"), 60, "the task's budget ends it");
     }
 }

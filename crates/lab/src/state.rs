@@ -46,25 +46,15 @@ macro_rules! component {
     ($constant:ident, $name:literal, $about:literal, $invariant:literal, $field:ident) => {
         #[doc = $about]
         pub const $constant: Self = {
-            static PART: StatePart = StatePart {
-                name: $name,
-                about: $about,
-                invariant: $invariant,
-                of: |at| at.measures.$field,
-            };
+            static PART: StatePart =
+                StatePart { name: $name, about: $about, invariant: $invariant, of: |at| at.measures.$field };
             Self(&PART)
         };
     };
 }
 
 impl StateComponent {
-    component!(
-        PSI_ROLL_DEG,
-        "psi_roll_deg",
-        "`ψ_roll`, deg, + when the mass is inside its foot",
-        false,
-        psi_roll_deg
-    );
+    component!(PSI_ROLL_DEG, "psi_roll_deg", "`ψ_roll`, deg, + when the mass is inside its foot", false, psi_roll_deg);
     component!(
         PSI_PITCH_DEG,
         "psi_pitch_deg",
@@ -72,13 +62,7 @@ impl StateComponent {
         false,
         psi_pitch_deg
     );
-    component!(
-        PSI_PITCH_RATE_DEG_S,
-        "psi_pitch_rate_deg_s",
-        "rate of `ψ_pitch`, deg/s",
-        false,
-        psi_pitch_rate_deg_s
-    );
+    component!(PSI_PITCH_RATE_DEG_S, "psi_pitch_rate_deg_s", "rate of `ψ_pitch`, deg/s", false, psi_pitch_rate_deg_s);
     component!(
         YAW_RATE_DEG_S,
         "yaw_rate_deg_s",

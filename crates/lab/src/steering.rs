@@ -49,13 +49,7 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    fn steered(
-        &self,
-        name: &str,
-        strides: usize,
-        falls: usize,
-        performance: Performance,
-    ) -> Steered {
+    fn steered(&self, name: &str, strides: usize, falls: usize, performance: Performance) -> Steered {
         let truth = performance.true_mean_psi_roll_deg;
         Steered {
             name: name.into(),
@@ -63,8 +57,7 @@ impl Bench<'_> {
             falls,
             performance,
             // Without a stride that reached the section it is as wrong as can be.
-            error_deg: (performance.mean_psi_roll_deg)
-                .map_or(f64::INFINITY, |mean| (mean - self.target_deg).abs()),
+            error_deg: (performance.mean_psi_roll_deg).map_or(f64::INFINITY, |mean| (mean - self.target_deg).abs()),
             true_error_deg: truth.map(|t| (t - self.target_deg).abs()),
         }
     }
@@ -99,9 +92,7 @@ impl Bench<'_> {
                 if stride.end == StrideEnd::Crossing {
                     kept += 1;
                     sum += stride.next_state[0];
-                    true_sum = true_sum
-                        .zip(self.plant.true_psi_roll_deg())
-                        .map(|(s, t)| s + t);
+                    true_sum = true_sum.zip(self.plant.true_psi_roll_deg()).map(|(s, t)| s + t);
                 }
             }
         }
@@ -115,21 +106,14 @@ impl Bench<'_> {
 
     fn measure(&mut self, law: &mut Law<'_>, episode: u64) -> Result<Performance, LabError> {
         let record = &self.task.record;
-        self.run(
-            law,
-            record.strides + record.discard,
-            record.discard,
-            episode,
-        )
+        self.run(law, record.strides + record.discard, record.discard, episode)
     }
 }
 
 /// Whether [`steer`] can compare on this task: one state `ψ_roll` with a target, one action.
 #[must_use]
 pub fn can_steer(task: &Task) -> bool {
-    task.state == [StateComponent::PSI_ROLL_DEG]
-        && task.action.len() == 1
-        && task.target_deg().is_some()
+    task.state == [StateComponent::PSI_ROLL_DEG] && task.action.len() == 1 && task.target_deg().is_some()
 }
 
 /// The learner after its first iteration and its final policy, and every control, on one seed's robot.
@@ -149,12 +133,7 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     let n = task.collect.strides[0];
     let [lower, upper] = task.action[0].bounds;
     let neutral = task.action_limits()?[0].neutral;
-    let mut bench = Bench {
-        task,
-        plant: task.plant()?,
-        seed,
-        target_deg,
-    };
+    let mut bench = Bench { task, plant: task.plant()?, seed, target_deg };
     let mut rows = Vec::new();
 
     let mut algorithm = Algorithm::new(task, seed)?.however_often_it_falls();
@@ -166,10 +145,9 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     };
     let first = progress.iterations.first().and_then(|i| i.record);
     let last = progress.final_performance;
-    for (name, n, measured) in [
-        ("learned in the map, iteration 1", 1, first),
-        ("final policy", progress.iterations.len(), last),
-    ] {
+    for (name, n, measured) in
+        [("learned in the map, iteration 1", 1, first), ("final policy", progress.iterations.len(), last)]
+    {
         let (strides, falls) = made(n);
         rows.extend(measured.map(|p| bench.steered(name, strides, falls, p)));
     }
@@ -178,12 +156,7 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     }
 
     let mut plant = task.plant()?;
-    let batch = Batch {
-        iteration: 1,
-        phase: StridePhase::Collect,
-        role: StrideRole::Training,
-        strides: n,
-    };
+    let batch = Batch { iteration: 1, phase: StridePhase::Collect, role: StrideRole::Training, strides: n };
     let explored = make_strides(
         &mut plant,
         &ActionSource::Explore(&task.collect.explore),
@@ -223,12 +196,7 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     let held = &tried[tried.len() - (HELD_SHARE * tried.len() as f64).round() as usize..];
     let mean = held.iter().sum::<f64>() / held.len().max(1) as f64;
     let measured = bench.measure(&mut |_| mean, 4)?;
-    rows.push(bench.steered(
-        "integral action, then its mean held",
-        n,
-        settling.falls,
-        measured,
-    ));
+    rows.push(bench.steered("integral action, then its mean held", n, settling.falls, measured));
 
     let mut online = neutral.clamp(lower, upper);
     let measured = bench.measure(

@@ -54,11 +54,7 @@ pub(crate) struct Actor<'a> {
 
 impl<'a> Actor<'a> {
     pub(crate) fn new(source: &'a ActionSource<'a>) -> Self {
-        Self {
-            source,
-            center: Vec::new(),
-            strides_at_center: 0,
-        }
+        Self { source, center: Vec::new(), strides_at_center: 0 }
     }
 }
 
@@ -77,25 +73,16 @@ impl Act for Actor<'_> {
             }
             ActionSource::Sample(policy, noise) => {
                 let drawn = policy.sample(state, rng);
-                drawn
-                    .iter()
-                    .zip(*noise)
-                    .map(|(u, std)| u + normal(*std, rng))
-                    .collect()
+                drawn.iter().zip(*noise).map(|(u, std)| u + normal(*std, rng)).collect()
             }
             ActionSource::Explore(explore) => {
                 if self.strides_at_center == 0 {
-                    self.center = explore
-                        .center
-                        .iter()
-                        .map(|[low, high]| low + (high - low) * rng.random::<f64>())
-                        .collect();
+                    self.center =
+                        explore.center.iter().map(|[low, high]| low + (high - low) * rng.random::<f64>()).collect();
                 }
                 self.strides_at_center = (self.strides_at_center + 1) % explore.hold;
                 let explored = self.center.iter().zip(&explore.std);
-                explored
-                    .map(|(center, std)| center + normal(*std, rng))
-                    .collect()
+                explored.map(|(center, std)| center + normal(*std, rng)).collect()
             }
         }
     }
@@ -211,10 +198,7 @@ pub fn drive(
         if transition.end == StrideEnd::Aborted {
             aborts += 1;
             if aborts == ABORTS_IN_A_ROW {
-                let reason = plant
-                    .abort_reason()
-                    .map(ToString::to_string)
-                    .unwrap_or_default();
+                let reason = plant.abort_reason().map(ToString::to_string).unwrap_or_default();
                 return Err(LabError::Equipment { aborts, reason });
             }
         } else {

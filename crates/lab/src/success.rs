@@ -64,10 +64,7 @@ impl Task {
         let least = s.mean_reward_at_least;
         // (A mean that is not a number is no success.)
         if measured.mean_reward.is_nan() || measured.mean_reward < least {
-            lacks.push(format!(
-                "mean reward is {:+.5}, at least {least} (mean_reward_at_least)",
-                measured.mean_reward
-            ));
+            lacks.push(format!("mean reward is {:+.5}, at least {least} (mean_reward_at_least)", measured.mean_reward));
         }
         if let (Some(within), Some(target)) = (s.psi_roll_within_deg, self.target_deg()) {
             match measured.mean_psi_roll_deg.map(|mean| (mean - target).abs()) {
@@ -80,37 +77,26 @@ impl Task {
         }
         match (s.speed_m_s_at_least, measured.walk) {
             (Some(least), Some(walk)) if walk.speed_m_s.is_nan() || walk.speed_m_s < least => {
-                lacks.push(format!(
-                    "speed is {:.3} m/s, at least {least} (speed_m_s_at_least)",
-                    walk.speed_m_s
-                ));
+                lacks.push(format!("speed is {:.3} m/s, at least {least} (speed_m_s_at_least)", walk.speed_m_s));
             }
             // A walk that does not fall (below) or stall goes on for as long as it was asked to.
             (Some(_), Some(_)) if measured.stalls > 0 => {
                 lacks.push(format!("{} stalls while measured, at most 0", measured.stalls));
             }
-            (Some(least), None) => lacks.push(format!(
-                "no speed is measured, at least {least} m/s (speed_m_s_at_least); give record.walk_s"
-            )),
+            (Some(least), None) => lacks
+                .push(format!("no speed is measured, at least {least} m/s (speed_m_s_at_least); give record.walk_s")),
             _ => {}
         }
         if measured.falls > 0 {
-            lacks.push(format!(
-                "{} falls while measured, at most 0",
-                measured.falls
-            ));
+            lacks.push(format!("{} falls while measured, at most 0", measured.falls));
         }
         if falls > s.falls_at_most {
             let most = s.falls_at_most;
-            lacks.push(format!(
-                "{falls} falls while learning, at most {most} (falls_at_most)"
-            ));
+            lacks.push(format!("{falls} falls while learning, at most {most} (falls_at_most)"));
         }
         if strides > s.strides_at_most {
             let most = s.strides_at_most;
-            lacks.push(format!(
-                "{strides} strides on the robot, at most {most} (strides_at_most)"
-            ));
+            lacks.push(format!("{strides} strides on the robot, at most {most} (strides_at_most)"));
         }
         lacks
     }

@@ -14,8 +14,7 @@ pub(crate) const FEWEST: usize = 3;
 ///
 /// [`LabError::Invalid`] with the key at fault and both numbers.
 pub(crate) fn check(task: &Task) -> Result<(), LabError> {
-    let invalid =
-        |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
+    let invalid = |key: String, requirement: String| Err(LabError::Invalid(Invalid { key, requirement }));
     let (kind, collect) = (task.learner.kind, &task.collect);
     if !kind.explores() {
         return Ok(());
@@ -29,10 +28,7 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
         None => (collect.strides[0], "collect.strides"),
     };
     if planned < needed {
-        return invalid(
-            key.into(),
-            format!("{planned} strides in the first batch, needs at least {needed} for {why}"),
-        );
+        return invalid(key.into(), format!("{planned} strides in the first batch, needs at least {needed} for {why}"));
     }
     if kind.uses_map() {
         let most = listed_in_all(task, planned);
@@ -115,10 +111,7 @@ mod tests {
             assert!(error.is_request(), "{error:?}");
             assert!(error.to_string().ends_with(expected), "{error}");
         }
-        for (task, set) in [
-            ("walking", "collect.strides=[12, 0]"),
-            ("stepping", "algorithm.iterations=10000"),
-        ] {
+        for (task, set) in [("walking", "collect.strides=[12, 0]"), ("stepping", "algorithm.iterations=10000")] {
             assert!(load(task, &[set.into()]).is_ok(), "{set}");
         }
     }

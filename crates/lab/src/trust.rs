@@ -59,19 +59,16 @@ impl TrustConfig {
     #[must_use]
     pub fn region(&self, limits: &[ActionLimits], tried: &[[f64; 2]], proofs: &[&Proof]) -> Region {
         let best = Proof::best(proofs);
-        let radius = proofs
-            .iter()
-            .enumerate()
-            .fold(self.radius, |radius, (i, p)| {
-                let before = Proof::best(&proofs[..i]).map(|b| proofs[b].speed_m_s);
-                match (p.verdict, before) {
-                    // The first success sets the centre; it says nothing of the radius.
-                    (Verdict::Proven, None) => radius,
-                    (Verdict::Proven, Some(speed)) if p.speed_m_s > speed => radius * self.grow,
-                    (_, None) => radius,
-                    _ => radius * self.shrink,
-                }
-            });
+        let radius = proofs.iter().enumerate().fold(self.radius, |radius, (i, p)| {
+            let before = Proof::best(&proofs[..i]).map(|b| proofs[b].speed_m_s);
+            match (p.verdict, before) {
+                // The first success sets the centre; it says nothing of the radius.
+                (Verdict::Proven, None) => radius,
+                (Verdict::Proven, Some(speed)) if p.speed_m_s > speed => radius * self.grow,
+                (_, None) => radius,
+                _ => radius * self.shrink,
+            }
+        });
         let range = |i: usize| match best {
             Some(b) => {
                 let reach = radius * self.unit[i];
@@ -82,8 +79,7 @@ impl TrustConfig {
                 let margin = self.first_margin * self.unit[i];
                 let neutral = limits[i].neutral;
                 let share = self.shrink.powi(proofs.len() as i32);
-                [tried[i][0] - margin, tried[i][1] + margin]
-                    .map(|edge| neutral + share * (edge - neutral))
+                [tried[i][0] - margin, tried[i][1] + margin].map(|edge| neutral + share * (edge - neutral))
             }
         };
         let within = |i: usize, v: f64| v.clamp(limits[i].lower, limits[i].upper);
@@ -101,10 +97,7 @@ impl TrustConfig {
         let reach = |i: usize| self.radius * self.unit[i];
         let all = 0..limits.len();
         Region {
-            lower: all
-                .clone()
-                .map(|i| edge(i, tried[i][0] - reach(i)))
-                .collect(),
+            lower: all.clone().map(|i| edge(i, tried[i][0] - reach(i))).collect(),
             upper: all.map(|i| edge(i, tried[i][1] + reach(i))).collect(),
         }
     }
@@ -115,32 +108,13 @@ mod tests {
     use super::*;
 
     fn proof(verdict: Verdict, speed_m_s: f64, action: f64) -> Proof {
-        Proof {
-            verdict,
-            warning: None,
-            speed_m_s,
-            strides: 60,
-            attempts: 1,
-            action: vec![action],
-        }
+        Proof { verdict, warning: None, speed_m_s, strides: 60, attempts: 1, action: vec![action] }
     }
 
     #[test]
     fn the_region_follows_the_best_proven_action_and_breathes() {
-        let config = TrustConfig {
-            unit: vec![2.0],
-            first_margin: 0.1,
-            radius: 0.5,
-            grow: 1.2,
-            shrink: 0.5,
-        };
-        let limits = [ActionLimits {
-            lower: 0.0,
-            upper: 12.0,
-            rate_per_stride: 1.0,
-            gain: 1.0,
-            neutral: 0.0,
-        }];
+        let config = TrustConfig { unit: vec![2.0], first_margin: 0.1, radius: 0.5, grow: 1.2, shrink: 0.5 };
+        let limits = [ActionLimits { lower: 0.0, upper: 12.0, rate_per_stride: 1.0, gain: 1.0, neutral: 0.0 }];
         let upper = |proofs: &[Proof]| {
             let list: Vec<&Proof> = proofs.iter().collect();
             config.region(&limits, &[[0.0, 6.0]], &list).upper[0]

@@ -17,10 +17,7 @@ impl<'a> Walker<'a> {
     /// Walks for this long.
     #[must_use]
     pub const fn new(policy: &'a dyn Policy, seconds: f64) -> Self {
-        Self {
-            policy,
-            left_s: seconds,
-        }
+        Self { policy, left_s: seconds }
     }
 }
 
@@ -31,10 +28,6 @@ impl Act for Walker<'_> {
 
     fn saw(&mut self, transition: &Transition) -> Next {
         self.left_s -= transition.measures.duration_s;
-        if self.left_s <= 0.0 || transition.end != StrideEnd::Crossing {
-            Next::Stop
-        } else {
-            Next::Go
-        }
+        if self.left_s <= 0.0 || transition.end != StrideEnd::Crossing { Next::Stop } else { Next::Go }
     }
 }

@@ -21,19 +21,10 @@ fn a_foreign_robot_passes_the_check_and_learning_improves_it() {
 
     let mut algorithm = Algorithm::new(&task, 1).unwrap();
     algorithm.learn(&mut NoRecorder).unwrap();
-    let (nominal, learned) = (
-        algorithm.progress.nominal.unwrap(),
-        algorithm.progress.final_performance.unwrap(),
-    );
+    let (nominal, learned) = (algorithm.progress.nominal.unwrap(), algorithm.progress.final_performance.unwrap());
     assert!(nominal.mean_reward < -0.05, "{nominal:?}");
-    assert!(
-        learned.mean_reward > -0.005 && learned.falls == 0,
-        "{learned:?}"
-    );
-    assert!(
-        (learned.mean_psi_roll_deg.unwrap() - 2.0).abs() < 0.15,
-        "{learned:?}"
-    );
+    assert!(learned.mean_reward > -0.005 && learned.falls == 0, "{learned:?}");
+    assert!((learned.mean_psi_roll_deg.unwrap() - 2.0).abs() < 0.15, "{learned:?}");
 }
 
 #[test]
@@ -50,10 +41,7 @@ fn a_gait_that_does_not_carry_the_robot_fails_with_what_to_try_and_not_with_chec
     let task = builtin::load("stepping", &["gait.coupling_rad_s=0".into()]);
     let report = check(&task.unwrap().task, 1).unwrap();
     let item = report.items.last().unwrap();
-    assert!(
-        !report.ok && !item.ok && item.what == "nominal gait",
-        "{item:?}"
-    );
+    assert!(!report.ok && !item.ok && item.what == "nominal gait", "{item:?}");
     assert!(item.found.contains("try other amplitudes"), "{item:?}");
     assert!(!item.found.contains("stridemap"), "{item:?}");
 }
@@ -63,10 +51,7 @@ fn a_misspelt_joint_is_an_error_that_names_the_nearest() {
     let sets = [r#"robot.left.knee="L_knee""#.to_string()];
     let task = builtin::load_file(&task_file(), &sets).unwrap().task;
     let error = check(&task, 1).unwrap_err().to_string();
-    assert!(
-        error.contains("left.knee") && error.contains("L_kn"),
-        "{error}"
-    );
+    assert!(error.contains("left.knee") && error.contains("L_kn"), "{error}");
 }
 
 #[test]

@@ -14,9 +14,7 @@ use stridemap_record::{Columns, Rows, files};
 use stridemap_returnmap::SavedMap;
 
 fn corpus(kind: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../mutate/corpus")
-        .join(kind)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../mutate/corpus").join(kind)
 }
 
 /// A file that is there for one case after another.
@@ -35,23 +33,15 @@ impl Slot {
 }
 
 fn names(error: &dyn std::error::Error, path: &Path) {
-    let (text, name) = (
-        error.to_string(),
-        path.file_name().unwrap().to_str().unwrap(),
-    );
-    assert!(
-        text.contains(name) || text.contains("built-in"),
-        "{text:?} does not name {name}"
-    );
+    let (text, name) = (error.to_string(), path.file_name().unwrap().to_str().unwrap());
+    assert!(text.contains(name) || text.contains("built-in"), "{text:?} does not name {name}");
 }
 
 #[test]
 fn task_files() {
     let slot = Slot::new("task.toml");
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments");
-    let corpus = Corpus::read(&own)
-        .unwrap()
-        .and(Corpus::read(&corpus("task")).unwrap());
+    let corpus = Corpus::read(&own).unwrap().and(Corpus::read(&corpus("task")).unwrap());
     fuzz("task", &corpus, |_, bytes| {
         let path = slot.with(bytes);
         match builtin::load_file(&path, &[]) {
@@ -71,24 +61,17 @@ fn tables_of_strides() {
     let slot = Slot::new("strides.csv");
     let task = builtin::load("stepping", &[]).unwrap().task;
     let table = Columns::new(&task.process_spec().unwrap());
-    fuzz(
-        "table",
-        &Corpus::read(&corpus("table")).unwrap(),
-        |_, bytes| {
-            let path = slot.with(bytes);
-            match table.read(&path, Rows::All) {
-                Ok(strides) => {
-                    for t in strides {
-                        assert!(
-                            t.reward.is_finite()
-                                && t.state.iter().chain(&t.action).all(|x| x.is_finite())
-                        );
-                    }
+    fuzz("table", &Corpus::read(&corpus("table")).unwrap(), |_, bytes| {
+        let path = slot.with(bytes);
+        match table.read(&path, Rows::All) {
+            Ok(strides) => {
+                for t in strides {
+                    assert!(t.reward.is_finite() && t.state.iter().chain(&t.action).all(|x| x.is_finite()));
                 }
-                Err(error) => names(&error, &path),
             }
-        },
-    );
+            Err(error) => names(&error, &path),
+        }
+    });
 }
 
 #[test]
@@ -97,11 +80,7 @@ fn maps() {
     let (x, y) = ([0.0, 1.0, 3.0, 4.0], [1.0, 0.5, -0.5, 0.0]);
     let (points, h) = (
         Points::new(&x, 1).unwrap(),
-        Hyperparameters {
-            length_scales: vec![1.0],
-            signal_variance: 1.0,
-            noise_variance: 0.1,
-        },
+        Hyperparameters { length_scales: vec![1.0], signal_variance: 1.0, noise_variance: 0.1 },
     );
     let (kernel, method) = (Kernel::Matern52, SparseMethod::default());
     let exact = Gp::condition(points, &y, kernel, Mean::Linear, h.clone()).unwrap();
@@ -138,27 +117,20 @@ fn maps() {
 #[test]
 fn policies() {
     let slot = Slot::new("policy.json");
-    fuzz(
-        "policy",
-        &Corpus::read(&corpus("policy")).unwrap(),
-        |_, bytes| {
-            let path = slot.with(bytes);
-            match files::read_json::<SavedPolicy>(&path) {
-                Ok(policy) => {
-                    for x in [0.0, 3.0, -1e3] {
-                        let action = policy.mean(&vec![x; policy.spec().state.len()]);
-                        for (u, bounds) in action.iter().zip(&policy.spec().action) {
-                            assert!(
-                                (bounds.lower..=bounds.upper).contains(u),
-                                "{u} of {bounds:?}"
-                            );
-                        }
+    fuzz("policy", &Corpus::read(&corpus("policy")).unwrap(), |_, bytes| {
+        let path = slot.with(bytes);
+        match files::read_json::<SavedPolicy>(&path) {
+            Ok(policy) => {
+                for x in [0.0, 3.0, -1e3] {
+                    let action = policy.mean(&vec![x; policy.spec().state.len()]);
+                    for (u, bounds) in action.iter().zip(&policy.spec().action) {
+                        assert!((bounds.lower..=bounds.upper).contains(u), "{u} of {bounds:?}");
                     }
                 }
-                Err(error) => names(&error, &path),
             }
-        },
-    );
+            Err(error) => names(&error, &path),
+        }
+    });
 }
 
 #[test]

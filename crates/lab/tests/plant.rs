@@ -10,11 +10,7 @@ use stridemap_returnmap::{ProcessError, Stride, StrideEnd, StrideProcess};
 
 fn plant(sets: &[&str]) -> Plant {
     let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-    builtin::load("stepping", &sets)
-        .unwrap()
-        .task
-        .plant()
-        .unwrap()
+    builtin::load("stepping", &sets).unwrap().task.plant().unwrap()
 }
 
 fn strides(plant: &mut Plant, actions: &[f64], seed: u64) -> Vec<Stride> {
@@ -63,10 +59,7 @@ fn the_same_seed_gives_the_same_strides_to_the_bit_and_a_disturbed_start_another
     strides(&mut again, &[1.0; 4], 3); // what was done before a reset does not matter
     assert_eq!(strides(&mut again, &actions, 7), first);
     let noisy = &["robot.start_joint_noise_deg=0.2"];
-    let (a, b) = (
-        strides(&mut plant(noisy), &actions, 7),
-        strides(&mut plant(noisy), &actions, 8),
-    );
+    let (a, b) = (strides(&mut plant(noisy), &actions, 7), strides(&mut plant(noisy), &actions, 8));
     assert_ne!(a, b);
     assert_eq!(strides(&mut plant(noisy), &actions, 7), a);
 }
@@ -75,19 +68,10 @@ fn the_same_seed_gives_the_same_strides_to_the_bit_and_a_disturbed_start_another
 fn bad_actions_are_refused_and_bounds_are_kept() {
     let mut plant = plant(&[]);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    assert!(matches!(
-        plant.stride(&[0.0], &mut rng),
-        Err(ProcessError::NotReset)
-    ));
+    assert!(matches!(plant.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
     plant.reset(&mut rng).unwrap();
-    assert!(matches!(
-        plant.stride(&[f64::NAN], &mut rng),
-        Err(ProcessError::ActionNotFinite { component: 0, .. })
-    ));
-    assert!(matches!(
-        plant.stride(&[0.0, 0.0], &mut rng),
-        Err(ProcessError::ActionLength { .. })
-    ));
+    assert!(matches!(plant.stride(&[f64::NAN], &mut rng), Err(ProcessError::ActionNotFinite { component: 0, .. })));
+    assert!(matches!(plant.stride(&[0.0, 0.0], &mut rng), Err(ProcessError::ActionLength { .. })));
     let stride = plant.stride(&[99.0], &mut rng).unwrap();
     assert!((stride.action[0] - 5.0).abs() < 1e-15);
 }
@@ -98,10 +82,7 @@ fn a_fall_is_an_outcome_with_its_reward_and_the_robot_starts_afresh() {
     let mut plant = plant(&[]);
     strides(&mut plant, &[0.0; 3], 1);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    plant.push_in_next_stride(Push {
-        left_n: 400.0,
-        duration_s: 0.4,
-    });
+    plant.push_in_next_stride(Push { left_n: 400.0, duration_s: 0.4 });
     let mut last = plant.stride(&[0.0], &mut rng).unwrap();
     for _ in 0..3 {
         if last.end == StrideEnd::Crossing {
@@ -120,10 +101,7 @@ fn a_fall_is_an_outcome_with_its_reward_and_the_robot_starts_afresh() {
     }
     let counters = plant.counters();
     assert_eq!(counters.falls + counters.stalls, 1);
-    assert!(matches!(
-        plant.stride(&[0.0], &mut rng),
-        Err(ProcessError::NotReset)
-    ));
+    assert!(matches!(plant.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
     let afresh = strides(&mut plant, &[0.0; 12], 1);
     assert!((afresh[11].next_state[0] - 3.01).abs() < 0.03);
 }
@@ -136,26 +114,17 @@ fn pushes_move_the_section_and_left_and_right_differ() {
         let mut plant = plant(&[]);
         strides(&mut plant, &[0.0; 12], 1);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        plant.push_in_next_stride(Push {
-            left_n,
-            duration_s: 0.2,
-        });
+        plant.push_in_next_stride(Push { left_n, duration_s: 0.2 });
         plant.stride(&[0.0], &mut rng).unwrap().next_state[0]
     };
     let (left, none, right) = (after_push(30.0), after_push(0.0), after_push(-30.0));
-    assert!(
-        (left - none) * (right - none) < 0.0,
-        "{left} {none} {right}"
-    );
+    assert!((left - none) * (right - none) < 0.0, "{left} {none} {right}");
     assert!((left - none).abs() > 0.3 && (right - none).abs() > 0.3);
 }
 
 #[test]
 fn a_robot_that_cannot_walk_is_an_error_that_says_what_to_do() {
     let mut plant = plant(&["gait.coupling_rad_s=0"]);
-    let error = plant
-        .reset(&mut ChaCha8Rng::seed_from_u64(1))
-        .unwrap_err()
-        .to_string();
+    let error = plant.reset(&mut ChaCha8Rng::seed_from_u64(1)).unwrap_err().to_string();
     assert!(error.contains("stridemap check"), "{error}");
 }

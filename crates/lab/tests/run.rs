@@ -39,9 +39,7 @@ impl Recorder for Cut<'_> {
     fn stride(&mut self, t: &Transition, what: Option<&str>) -> Result<(), LabError> {
         self.inner.stride(t, what)?;
         if self.strides_left == 0 {
-            return Err(LabError::Interrupted {
-                path: self.inner.path().into(),
-            });
+            return Err(LabError::Interrupted { path: self.inner.path().into() });
         }
         self.strides_left -= 1;
         Ok(())
@@ -111,16 +109,11 @@ fn contents(path: &Path) -> Vec<(String, String)> {
 /// Compares file by file, so that a failure names the file and does not print them all.
 fn assert_same(a: &Path, b: &Path, when: &str) {
     let (a, b) = (contents(a), contents(b));
-    let names = |files: &[(String, String)]| -> Vec<String> {
-        files.iter().map(|(name, _)| name.clone()).collect()
-    };
+    let names = |files: &[(String, String)]| -> Vec<String> { files.iter().map(|(name, _)| name.clone()).collect() };
     assert_eq!(names(&a), names(&b), "{when}");
     for ((name, left), (_, right)) in a.iter().zip(&b) {
         let line = left.lines().zip(right.lines()).position(|(l, r)| l != r);
-        assert!(
-            left == right,
-            "{when}: {name} differs, first in line {line:?}"
-        );
+        assert!(left == right, "{when}: {name} differs, first in line {line:?}");
     }
 }
 
@@ -133,17 +126,8 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
     learn(&b, &loaded, 3);
     learn(&c, &loaded, 4);
     let names: Vec<String> = contents(&a).into_iter().map(|(name, _)| name).collect();
-    for wanted in [
-        "transitions.csv",
-        "record.csv",
-        "map/2.json",
-        "policy/final.json",
-        "poses/final.json",
-    ] {
-        assert!(
-            names.iter().any(|n| n == wanted),
-            "{wanted} is missing in {names:?}"
-        );
+    for wanted in ["transitions.csv", "record.csv", "map/2.json", "policy/final.json", "poses/final.json"] {
+        assert!(names.iter().any(|n| n == wanted), "{wanted} is missing in {names:?}");
     }
     assert_same(&a, &b, "the same seed twice");
     assert!(contents(&a) != contents(&c));
@@ -160,19 +144,12 @@ fn a_run_that_was_cut_anywhere_ends_like_an_unbroken_one() {
         let path = dir.path().join(format!("cut-{strides}"));
         let mut directory = create(&path, &loaded, 5).unwrap();
         let mut algorithm = Algorithm::new(&loaded.task, 5).unwrap();
-        let cut = algorithm.learn(&mut Cut {
-            inner: &mut directory,
-            strides_left: strides,
-        });
-        assert!(
-            matches!(cut, Err(LabError::Interrupted { .. })),
-            "{strides}"
-        );
+        let cut = algorithm.learn(&mut Cut { inner: &mut directory, strides_left: strides });
+        assert!(matches!(cut, Err(LabError::Interrupted { .. })), "{strides}");
         drop(directory);
 
         let open = FinishedRun::open(&path, &[]).unwrap();
-        let (mut directory, progress) =
-            RunDirectory::resume(&open, never(), Box::new(NoWatcher)).unwrap();
+        let (mut directory, progress) = RunDirectory::resume(&open, never(), Box::new(NoWatcher)).unwrap();
         let mut algorithm = Algorithm::resume(&open.task, 5, progress).unwrap();
         algorithm.learn(&mut directory).unwrap();
         directory.write_summary(&algorithm.progress).unwrap();
@@ -211,8 +188,7 @@ fn a_spent_fall_budget_ends_the_run_and_a_raised_one_goes_on() {
     assert!(!error.is_request());
     let said = error.to_string();
     assert!(
-        said.contains("iteration 1, collect, stride")
-            && said.contains("below 2.6 (failure.psi_roll_below_deg)"),
+        said.contains("iteration 1, collect, stride") && said.contains("below 2.6 (failure.psi_roll_below_deg)"),
         "{said}"
     );
     let summary = directory.write_summary(&algorithm.progress).unwrap();
@@ -256,10 +232,7 @@ fn a_directory_that_holds_something_is_refused_and_left_alone() {
     let error = create(&run, &edited, 1).err().unwrap();
     let text = error.to_string();
     assert!(error.is_request() && text.contains("--resume"), "{text}");
-    assert!(
-        text.contains("robot.mass_scale was 1.0, is 1.3 now"),
-        "{text}"
-    );
+    assert!(text.contains("robot.mass_scale was 1.0, is 1.3 now"), "{text}");
     assert!(contents(&run) == before);
 
     let other = dir.path().join("other");
@@ -267,13 +240,7 @@ fn a_directory_that_holds_something_is_refused_and_left_alone() {
     std::fs::write(other.join("thesis.tex"), "precious").unwrap();
     let error = create(&other, &loaded, 1).err().unwrap();
     assert!(error.to_string().contains("not empty"), "{error}");
-    assert!(
-        FinishedRun::open(&other, &[])
-            .err()
-            .unwrap()
-            .to_string()
-            .contains("holds no run")
-    );
+    assert!(FinishedRun::open(&other, &[]).err().unwrap().to_string().contains("holds no run"));
 }
 
 /// One writer; the lock is the system's, so that it ends with its process.
@@ -285,14 +252,9 @@ fn a_live_run_is_not_written_by_a_second() {
     let open = FinishedRun::open(&run, &[]).unwrap();
     let pid = format!("process {}", std::process::id());
     let second = create(&run, &short(), 1).err().unwrap();
-    let third = RunDirectory::resume(&open, never(), Box::new(NoWatcher))
-        .err()
-        .unwrap();
+    let third = RunDirectory::resume(&open, never(), Box::new(NoWatcher)).err().unwrap();
     for error in [second, third] {
-        assert!(
-            error.is_request() && error.to_string().contains(&pid),
-            "{error}"
-        );
+        assert!(error.is_request() && error.to_string().contains(&pid), "{error}");
     }
     drop(first);
     assert!(RunDirectory::resume(&open, never(), Box::new(NoWatcher)).is_ok());
@@ -326,17 +288,8 @@ fn a_run_does_not_go_on_by_other_means() {
     let model = dir.path().join("e.xml");
     std::fs::write(&model, stridemap_mujoco::BIPED_XML).unwrap();
     let task = dir.path().join("e.toml");
-    let sets = [
-        "collect.strides=[4]",
-        "record.strides=3",
-        "record.discard=1",
-        "record.pose_seconds=0",
-    ];
-    std::fs::write(
-        &task,
-        "extends = \"stepping\"\nname = \"e\"\nrobot.model = \"e.xml\"\n",
-    )
-    .unwrap();
+    let sets = ["collect.strides=[4]", "record.strides=3", "record.discard=1", "record.pose_seconds=0"];
+    std::fs::write(&task, "extends = \"stepping\"\nname = \"e\"\nrobot.model = \"e.xml\"\n").unwrap();
     let loaded = builtin::load(task.to_str().unwrap(), &sets.map(String::from)).unwrap();
     let run = dir.path().join("run");
     let mut directory = create(&run, &loaded, 5).unwrap();
@@ -345,13 +298,8 @@ fn a_run_does_not_go_on_by_other_means() {
     drop(directory);
     let refused = |expected: &str| {
         let open = FinishedRun::open(&run, &[]).unwrap();
-        let error = RunDirectory::resume(&open, never(), Box::new(NoWatcher))
-            .err()
-            .unwrap();
-        assert!(
-            error.is_request() && error.to_string().contains(expected),
-            "{expected}: {error}"
-        );
+        let error = RunDirectory::resume(&open, never(), Box::new(NoWatcher)).err().unwrap();
+        assert!(error.is_request() && error.to_string().contains(expected), "{expected}: {error}");
     };
     let edit = |file: &str, from: &str, to: &str| {
         let path = run.join(file);
@@ -360,24 +308,9 @@ fn a_run_does_not_go_on_by_other_means() {
         std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
     };
     for (file, from, to, expected) in [
-        (
-            "config.toml",
-            "mass_scale = 1.0",
-            "mass_scale = 1.3",
-            "robot.mass_scale was 1.0, is 1.3 now",
-        ),
-        (
-            "provenance.json",
-            "\"seed\": 5",
-            "\"seed\": 6",
-            "the seed was 6, is 5 now",
-        ),
-        (
-            "provenance.json",
-            "MuJoCo 3",
-            "MuJoCo 2",
-            "the simulator was MuJoCo 2",
-        ),
+        ("config.toml", "mass_scale = 1.0", "mass_scale = 1.3", "robot.mass_scale was 1.0, is 1.3 now"),
+        ("provenance.json", "\"seed\": 5", "\"seed\": 6", "the seed was 6, is 5 now"),
+        ("provenance.json", "MuJoCo 3", "MuJoCo 2", "the simulator was MuJoCo 2"),
     ] {
         edit(file, from, to);
         refused(expected);
@@ -407,14 +340,8 @@ fn a_damaged_checkpoint_is_named_and_nothing_is_lost() {
     let transitions = std::fs::read_to_string(run.join("transitions.csv")).unwrap();
     std::fs::write(run.join("checkpoint.json"), "{\"format\": 1, ").unwrap();
     let error = FinishedRun::open(&run, &[]).err().unwrap().to_string();
-    assert!(
-        error.contains("checkpoint.json:1") && error.contains("damaged"),
-        "{error}"
-    );
-    assert_eq!(
-        std::fs::read_to_string(run.join("transitions.csv")).unwrap(),
-        transitions
-    );
+    assert!(error.contains("checkpoint.json:1") && error.contains("damaged"), "{error}");
+    assert_eq!(std::fs::read_to_string(run.join("transitions.csv")).unwrap(), transitions);
 }
 
 /// Time lapses of everything that a before and after is drawn from, each from the first stride on.
@@ -429,33 +356,20 @@ fn a_run_has_time_lapses_of_exploration_and_of_every_policy() {
     let header = lines.next().unwrap();
     let column = |name: &str| header.iter().position(|h| *h == name).unwrap();
     let rows: Vec<_> = lines.collect();
-    for what in [
-        "nominal",
-        "exploration",
-        "iteration-1",
-        "iteration-2",
-        "final",
-    ] {
+    for what in ["nominal", "exploration", "iteration-1", "iteration-2", "final"] {
         let path = run.join(format!("lapse/{what}.json"));
-        let recording: Recording =
-            serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let recording: Recording = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
         assert!((recording.period_s - 0.5).abs() < 1e-12);
         let first_s = recording.frames[0].time_s;
         for (i, frame) in recording.frames.iter().enumerate() {
             // Ticks of 2 ms stand on the half seconds.
-            assert!(
-                (frame.time_s - first_s - 0.5 * i as f64).abs() < 2e-3,
-                "{what}"
-            );
+            assert!((frame.time_s - first_s - 0.5 * i as f64).abs() < 2e-3, "{what}");
         }
         // Half a second at most after the section where the first stride begins.
         if let Some(row) = rows.iter().find(|r| r[column("what")] == what) {
             let number = |name: &str| row[column(name)].parse::<f64>().unwrap();
             let begin_s = number("time_s") - number("stride_duration_s");
-            assert!(
-                (-1e-3..0.51).contains(&(first_s - begin_s)),
-                "{what}: {first_s} after {begin_s}"
-            );
+            assert!((-1e-3..0.51).contains(&(first_s - begin_s)), "{what}: {first_s} after {begin_s}");
         }
     }
     assert!(run.join("poses/iteration-1.json").exists());
@@ -522,8 +436,5 @@ fn a_fall_in_a_start_behind_a_link_survives_a_kill() {
     let [fell] = progress.falls.as_slice() else {
         panic!("{:?}", progress.falls);
     };
-    assert_eq!(
-        (fell.stride, fell.fall.criterion),
-        (None, FallCriterion::Tilt)
-    );
+    assert_eq!((fell.stride, fell.fall.criterion), (None, FallCriterion::Tilt));
 }

@@ -40,21 +40,14 @@ fn learned(task: &Task, seed: u64) -> (Summary, usize) {
             assert!((u - last).abs() <= a.rate_per_stride.unwrap() + 1e-9);
         }
     }
-    let falls = progress
-        .transitions
-        .iter()
-        .filter(|t| t.end == StrideEnd::Fell)
-        .count();
+    let falls = progress.transitions.iter().filter(|t| t.end == StrideEnd::Fell).count();
     (progress.summary(task, seed), falls)
 }
 
 /// Every learner stays within the budget, counts every fall and proves what it calls proven.
 #[test]
 fn every_learner_keeps_the_books() {
-    for kind in LearnerKind::CONTROLS
-        .into_iter()
-        .chain([LearnerKind::SEARCH])
-    {
+    for kind in LearnerKind::CONTROLS.into_iter().chain([LearnerKind::SEARCH]) {
         let mut task = small("walking");
         task.learner.kind = kind;
         let (summary, falls) = learned(&task, 3);
@@ -97,10 +90,7 @@ fn the_small_humanoid_keeps_the_books() {
         let walk = summary.final_policy.unwrap().performance.walk.unwrap();
         assert!((walk.upright_s - 12.0).abs() < 1e-12, "{kind:?}");
         let truth = walk.true_speed_m_s.unwrap();
-        assert!(
-            truth > 0.01 && (walk.speed_m_s - truth).abs() < 0.003,
-            "{walk:?}"
-        );
+        assert!(truth > 0.01 && (walk.speed_m_s - truth).abs() < 0.003, "{walk:?}");
     }
 }
 
@@ -127,13 +117,7 @@ fn a_walk_near_its_cliff_flips() {
     let mut robot = task.plant().unwrap();
     let watched = 2;
     let mut flip = |deg: f64| {
-        let kick = Kick {
-            action: &[deg],
-            neutral: &[0.0],
-            component: 0,
-            size: 1.0,
-            watched,
-        };
+        let kick = Kick { action: &[deg], neutral: &[0.0], component: 0, size: 1.0, watched };
         decay_after_kick(&mut robot, &kick, &ChaCha8Rng::seed_from_u64(1)).unwrap()
     };
     let flips = [6.0, 8.0, 9.0].map(|deg| flip(deg).unwrap());
@@ -157,9 +141,7 @@ fn an_analysis_sets_the_map_beside_the_robot() {
     let reached = reached.filter(|t| t.end == StrideEnd::Crossing).count();
     let rows = &found.pitch_rate_residual_deg_s;
     assert_eq!(
-        rows.iter()
-            .map(|r| (r.last_action, r.strides))
-            .collect::<Vec<_>>(),
+        rows.iter().map(|r| (r.last_action, r.strides)).collect::<Vec<_>>(),
         [(false, reached), (true, reached)]
     );
     let flip = &found.flips[0];
@@ -172,8 +154,5 @@ fn an_analysis_sets_the_map_beside_the_robot() {
 fn an_invariant_in_a_task_file_is_refused() {
     let error = builtin::load("walking", &["map.invariant=[1]".into()]).unwrap_err();
     let text = error.to_string();
-    assert!(
-        text.contains("map.invariant") && text.contains("heading_deg"),
-        "{text}"
-    );
+    assert!(text.contains("map.invariant") && text.contains("heading_deg"), "{text}");
 }

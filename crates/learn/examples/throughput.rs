@@ -28,10 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let map_ns = start.elapsed().as_secs_f64() / f64::from(strides) * 1e9;
 
-    let config = ActorCriticConfig {
-        trials: 50_000,
-        ..ActorCriticConfig::stepping()
-    };
+    let config = ActorCriticConfig { trials: 50_000, ..ActorCriticConfig::stepping() };
     let start = Instant::now();
     let outcome = ActorCritic { config }.improve(&mut map, None, &mut rng, &mut |_| ())?;
     let total_ns = start.elapsed().as_secs_f64() / outcome.strides as f64 * 1e9;
@@ -40,22 +37,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     let runs = 50;
     for _ in 0..runs {
-        ActorCritic {
-            config: ActorCriticConfig::stepping(),
-        }
-        .improve(&mut map, None, &mut rng, &mut |_| ())?;
+        ActorCritic { config: ActorCriticConfig::stepping() }.improve(&mut map, None, &mut rng, &mut |_| ())?;
     }
     let improve_ms = start.elapsed().as_secs_f64() / f64::from(runs) * 1e3;
 
-    println!(
-        "map and restarts alone   {map_ns:7.0} ns a stride (check {:.3})",
-        sum.signum()
-    );
+    println!("map and restarts alone   {map_ns:7.0} ns a stride (check {:.3})", sum.signum());
     println!("actor-critic and map     {total_ns:7.0} ns a stride, {bases} bases");
-    println!(
-        "the learner itself       {:7.0} ns a stride",
-        total_ns - map_ns
-    );
+    println!("the learner itself       {:7.0} ns a stride", total_ns - map_ns);
     println!("one improvement          {improve_ms:7.2} ms (200 trials of 24 strides)");
     Ok(())
 }

@@ -99,34 +99,14 @@ pub enum LearnError {
 }
 
 impl LearnError {
-    pub(crate) fn parameter(
-        field: &'static str,
-        value: impl std::fmt::Display,
-        domain: &'static str,
-    ) -> Self {
-        Self::Parameter {
-            field,
-            value: value.to_string(),
-            domain,
-        }
+    pub(crate) fn parameter(field: &'static str, value: impl std::fmt::Display, domain: &'static str) -> Self {
+        Self::Parameter { field, value: value.to_string(), domain }
     }
 }
 
 /// Refuses a list that does not have one entry per component.
-pub(crate) fn check_length(
-    field: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), LearnError> {
-    if found == expected {
-        Ok(())
-    } else {
-        Err(LearnError::Length {
-            field,
-            expected,
-            found,
-        })
-    }
+pub(crate) fn check_length(field: &'static str, found: usize, expected: usize) -> Result<(), LearnError> {
+    if found == expected { Ok(()) } else { Err(LearnError::Length { field, expected, found }) }
 }
 
 /// Refuses a number that does not satisfy a predicate. NaN satisfies none.

@@ -105,18 +105,8 @@ impl GaussianPolicy {
         for &unit in action_unit {
             check_number("action_unit", unit, unit > 0.0, "positive and finite")?;
         }
-        check_number(
-            "std_scale",
-            std_scale,
-            std_scale > 0.0,
-            "positive and finite",
-        )?;
-        Ok(Self {
-            spec,
-            action_unit: action_unit.to_vec(),
-            std_scale,
-            network,
-        })
+        check_number("std_scale", std_scale, std_scale > 0.0, "positive and finite")?;
+        Ok(Self { spec, action_unit: action_unit.to_vec(), std_scale, network })
     }
 
     /// The process for which the policy was made.
@@ -172,9 +162,7 @@ impl GaussianPolicy {
             .map(|j| {
                 let std = self.std_scale * sigmoid(outputs[m + j]);
                 let z = (action[j] / self.action_unit[j] - outputs[j]) / std;
-                -0.5 * z * z
-                    - (std * self.action_unit[j]).ln()
-                    - 0.5 * (2.0 * std::f64::consts::PI).ln()
+                -0.5 * z * z - (std * self.action_unit[j]).ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
             })
             .sum()
     }
@@ -187,26 +175,12 @@ impl GaussianPolicy {
         self.network.activate(state, &mut activations);
         let outputs = self.network.evaluate(state);
         let scores: Vec<Score> = (0..m)
-            .map(|j| {
-                Score::of(
-                    action[j] / self.action_unit[j],
-                    outputs[j],
-                    outputs[m + j],
-                    self.std_scale,
-                )
-            })
+            .map(|j| Score::of(action[j] / self.action_unit[j], outputs[j], outputs[m + j], self.std_scale))
             .collect();
         let rows = |pick: fn(&Score) -> f64| {
-            activations
-                .normalized()
-                .iter()
-                .map(|b| scores.iter().map(|s| pick(s) * b).collect())
-                .collect()
+            activations.normalized().iter().map(|b| scores.iter().map(|s| pick(s) * b).collect()).collect()
         };
-        LogDensityGradient {
-            mean: rows(|s| s.mean),
-            std_logit: rows(|s| s.std_logit),
-        }
+        LogDensityGradient { mean: rows(|s| s.mean), std_logit: rows(|s| s.std_logit) }
     }
 
     pub(crate) fn value_column(&self) -> usize {
@@ -238,22 +212,14 @@ pub(crate) struct Score {
 impl Score {
     /// At o.
     pub fn of(output: f64, mean: f64, std_logit: f64, std_scale: f64) -> Self {
-        Self::drawn(
-            (output - mean) / (std_scale * sigmoid(std_logit)),
-            std_logit,
-            std_scale,
-        )
+        Self::drawn((output - mean) / (std_scale * sigmoid(std_logit)), std_logit, std_scale)
     }
 
     /// At o = μ + σ z.
     pub fn drawn(z: f64, std_logit: f64, std_scale: f64) -> Self {
         let s = sigmoid(std_logit);
         let std = std_scale * s;
-        Self {
-            mean: z / std,
-            std_logit: (z * z - 1.0) * (1.0 - s),
-            std,
-        }
+        Self { mean: z / std, std_logit: (z * z - 1.0) * (1.0 - s), std }
     }
 }
 
@@ -264,17 +230,13 @@ pub(crate) fn sigmoid(logit: f64) -> f64 {
 impl Policy for GaussianPolicy {
     fn mean(&self, state: &[f64]) -> Action {
         let outputs = self.network.evaluate(state);
-        (0..self.spec.action.len())
-            .map(|j| self.clip(outputs[j], j))
-            .collect()
+        (0..self.spec.action.len()).map(|j| self.clip(outputs[j], j)).collect()
     }
 
     fn std(&self, state: &[f64]) -> Action {
         let outputs = self.network.evaluate(state);
         let m = self.spec.action.len();
-        (0..m)
-            .map(|j| self.std_scale * sigmoid(outputs[m + j]) * self.action_unit[j])
-            .collect()
+        (0..m).map(|j| self.std_scale * sigmoid(outputs[m + j]) * self.action_unit[j]).collect()
     }
 
     /// Draws about the mean before clipping, then clips: near a bound this differs from drawing
@@ -360,13 +322,8 @@ impl TryFrom<GaussianPolicyFile> for GaussianPolicy {
             weights.extend_from_slice(&base.std_logit);
             weights.push(base.value);
         }
-        check_length(
-            "basis_widths",
-            file.basis_widths.len(),
-            file.spec.state.len(),
-        )?;
-        let network =
-            NormalizedGaussianNetwork::from_rows(&file.basis_widths, 2 * m + 1, centres, weights)?;
+        check_length("basis_widths", file.basis_widths.len(), file.spec.state.len())?;
+        let network = NormalizedGaussianNetwork::from_rows(&file.basis_widths, 2 * m + 1, centres, weights)?;
         Self::with_network(file.spec, &file.action_unit, file.std_scale, network)
     }
 }

@@ -72,11 +72,7 @@ impl NormalizedGaussianNetwork {
     /// [`LearnError::Parameter`] for no width at all, a width that is not positive, or no output.
     pub fn new(widths: &[f64], outputs: usize) -> Result<Self, LearnError> {
         if widths.is_empty() {
-            return Err(LearnError::parameter(
-                "basis_widths",
-                "[]",
-                "one width per component",
-            ));
+            return Err(LearnError::parameter("basis_widths", "[]", "one width per component"));
         }
         for &w in widths {
             check_number("basis_widths", w, w > 0.0, "positive and finite")?;
@@ -84,12 +80,7 @@ impl NormalizedGaussianNetwork {
         if outputs == 0 {
             return Err(LearnError::parameter("outputs", outputs, "at least 1"));
         }
-        Ok(Self {
-            widths: widths.to_vec(),
-            outputs,
-            centres: Vec::new(),
-            weights: Vec::new(),
-        })
+        Ok(Self { widths: widths.to_vec(), outputs, centres: Vec::new(), weights: Vec::new() })
     }
 
     /// A network with given bases: `centres` and `weights` hold one row per base.
@@ -98,12 +89,7 @@ impl NormalizedGaussianNetwork {
     ///
     /// As [`new`](Self::new); [`LearnError::Length`] if rows do not match; [`LearnError::Parameter`]
     /// for NaN or an infinity.
-    pub fn from_rows(
-        widths: &[f64],
-        outputs: usize,
-        centres: Vec<f64>,
-        weights: Vec<f64>,
-    ) -> Result<Self, LearnError> {
+    pub fn from_rows(widths: &[f64], outputs: usize, centres: Vec<f64>, weights: Vec<f64>) -> Result<Self, LearnError> {
         let mut network = Self::new(widths, outputs)?;
         let bases = centres.len() / widths.len();
         check_length("centres", centres.len(), bases * widths.len())?;
@@ -198,33 +184,19 @@ impl NormalizedGaussianNetwork {
         for a in b.iter_mut() {
             *a /= sum;
         }
-        activations.largest = if b.is_empty() {
-            0.0
-        } else {
-            largest_exponent.exp()
-        };
+        activations.largest = if b.is_empty() { 0.0 } else { largest_exponent.exp() };
     }
 
     /// One output at a state whose bases were evaluated.
     #[must_use]
     pub fn output(&self, activations: &Activations, output: usize) -> f64 {
-        self.weights
-            .iter()
-            .skip(output)
-            .step_by(self.outputs)
-            .zip(&activations.normalized)
-            .map(|(w, b)| w * b)
-            .sum()
+        self.weights.iter().skip(output).step_by(self.outputs).zip(&activations.normalized).map(|(w, b)| w * b).sum()
     }
 
     /// All outputs at a state whose bases were evaluated, into `outputs`.
     pub fn outputs_into(&self, activations: &Activations, outputs: &mut [f64]) {
         outputs.fill(0.0);
-        for (row, b) in self
-            .weights
-            .chunks_exact(self.outputs)
-            .zip(&activations.normalized)
-        {
+        for (row, b) in self.weights.chunks_exact(self.outputs).zip(&activations.normalized) {
             for (f, w) in outputs.iter_mut().zip(row) {
                 *f += w * b;
             }

@@ -13,24 +13,13 @@ use crate::policy::{KeptPolicy, Policy};
 pub(crate) const FORMAT: u32 = 1;
 
 pub(crate) fn check_format(found: u32) -> Result<(), LearnError> {
-    if found == FORMAT {
-        Ok(())
-    } else {
-        Err(LearnError::Format {
-            expected: FORMAT,
-            found,
-        })
-    }
+    if found == FORMAT { Ok(()) } else { Err(LearnError::Format { expected: FORMAT, found }) }
 }
 
 /// Refuses a process without states or actions, or with bounds that no action can meet.
 pub(crate) fn check_spec(spec: &ProcessSpec) -> Result<(), LearnError> {
     if spec.state.is_empty() || spec.action.is_empty() {
-        return Err(LearnError::parameter(
-            "spec",
-            "{}",
-            "at least one state and one action",
-        ));
+        return Err(LearnError::parameter("spec", "{}", "at least one state and one action"));
     }
     for bounds in &spec.action {
         check_number("spec.action.lower", bounds.lower, true, "finite")?;
@@ -112,28 +101,14 @@ impl SavedPolicy {
     }
 }
 
-pub(crate) fn check_same_components(
-    policy: &ProcessSpec,
-    process: &ProcessSpec,
-) -> Result<(), LearnError> {
+pub(crate) fn check_same_components(policy: &ProcessSpec, process: &ProcessSpec) -> Result<(), LearnError> {
     let names = |spec: &ProcessSpec| {
         let state: Vec<&str> = spec.state.iter().map(|d| d.name.as_str()).collect();
         let action: Vec<&str> = spec.action.iter().map(|d| d.name.as_str()).collect();
-        format!(
-            "states [{}] and actions [{}]",
-            state.join(", "),
-            action.join(", ")
-        )
+        format!("states [{}] and actions [{}]", state.join(", "), action.join(", "))
     };
     let (ours, theirs) = (names(policy), names(process));
-    if ours == theirs {
-        Ok(())
-    } else {
-        Err(LearnError::OtherProcess {
-            policy: ours,
-            process: theirs,
-        })
-    }
+    if ours == theirs { Ok(()) } else { Err(LearnError::OtherProcess { policy: ours, process: theirs }) }
 }
 
 impl Policy for SavedPolicy {
@@ -189,11 +164,7 @@ impl Linear {
         for &l in &self.limit {
             // Any size: the largest number of all says that there is no limit.
             if !(l.is_finite() && l >= 0.0) {
-                return Err(LearnError::parameter(
-                    "feedback_limit",
-                    l,
-                    "finite and not negative",
-                ));
+                return Err(LearnError::parameter("feedback_limit", l, "finite and not negative"));
             }
         }
         if !self.gain.is_empty() {
@@ -203,12 +174,7 @@ impl Linear {
         for row in &self.gain {
             check_length("gain rows", row.len(), n)?;
         }
-        for &v in self
-            .action
-            .iter()
-            .chain(&self.state)
-            .chain(self.gain.iter().flatten())
-        {
+        for &v in self.action.iter().chain(&self.state).chain(self.gain.iter().flatten()) {
             check_number("action, gain and state", v, true, "finite")?;
         }
         for &s in &self.std {
@@ -225,24 +191,17 @@ impl Linear {
     fn unclipped(&self, state: &[f64]) -> Action {
         (0..self.action.len())
             .map(|j| {
-                let feedback: f64 = self.gain.get(j).map_or(0.0, |row| {
-                    row.iter()
-                        .zip(state)
-                        .zip(&self.state)
-                        .map(|((k, x), x0)| k * (x - x0))
-                        .sum()
-                });
+                let feedback: f64 = self
+                    .gain
+                    .get(j)
+                    .map_or(0.0, |row| row.iter().zip(state).zip(&self.state).map(|((k, x), x0)| k * (x - x0)).sum());
                 self.action[j] + feedback.clamp(-self.limit[j], self.limit[j])
             })
             .collect()
     }
 
     fn mean(&self, state: &[f64]) -> Action {
-        self.unclipped(state)
-            .iter()
-            .enumerate()
-            .map(|(j, u)| self.clip(j, *u))
-            .collect()
+        self.unclipped(state).iter().enumerate().map(|(j, u)| self.clip(j, *u)).collect()
     }
 
     fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
@@ -265,23 +224,11 @@ impl LinearPolicy {
     /// # Errors
     ///
     /// [`LearnError::Length`] or [`LearnError::Parameter`] naming what does not fit.
-    pub fn new(
-        spec: ProcessSpec,
-        action: &[f64],
-        gain: &[Vec<f64>],
-        state: &[f64],
-    ) -> Result<Self, LearnError> {
+    pub fn new(spec: ProcessSpec, action: &[f64], gain: &[Vec<f64>], state: &[f64]) -> Result<Self, LearnError> {
         check_length("gain", gain.len(), spec.action.len())?;
         let std = vec![0.0; spec.action.len()];
         let limit = vec![f64::MAX; spec.action.len()];
-        let linear = Linear {
-            limit,
-            spec,
-            action: action.to_vec(),
-            gain: gain.to_vec(),
-            state: state.to_vec(),
-            std,
-        };
+        let linear = Linear { limit, spec, action: action.to_vec(), gain: gain.to_vec(), state: state.to_vec(), std };
         linear.check().map(Self)
     }
 
@@ -341,14 +288,7 @@ impl ConstantPolicy {
         let std = vec![0.0; spec.action.len()];
         let limit = vec![f64::MAX; spec.action.len()];
         let action = action.to_vec();
-        let linear = Linear {
-            spec,
-            action,
-            limit,
-            gain: Vec::new(),
-            state: Vec::new(),
-            std,
-        };
+        let linear = Linear { spec, action, limit, gain: Vec::new(), state: Vec::new(), std };
         linear.check().map(Self)
     }
 
@@ -422,23 +362,8 @@ struct ConstantFile {
 
 impl From<LinearPolicy> for LinearFile {
     fn from(LinearPolicy(p): LinearPolicy) -> Self {
-        let Linear {
-            spec,
-            action,
-            gain,
-            state,
-            limit,
-            std,
-        } = p;
-        Self {
-            format: FORMAT,
-            spec,
-            action,
-            gain,
-            state,
-            feedback_limit: Some(limit),
-            std: Some(std),
-        }
+        let Linear { spec, action, gain, state, limit, std } = p;
+        Self { format: FORMAT, spec, action, gain, state, feedback_limit: Some(limit), std: Some(std) }
     }
 }
 
@@ -451,19 +376,13 @@ impl TryFrom<LinearFile> for LinearPolicy {
         if let Some(limit) = file.feedback_limit {
             policy = policy.limited(&limit)?;
         }
-        file.std
-            .map_or(Ok(policy.clone()), |std| policy.exploring(&std))
+        file.std.map_or(Ok(policy.clone()), |std| policy.exploring(&std))
     }
 }
 
 impl From<ConstantPolicy> for ConstantFile {
     fn from(ConstantPolicy(p): ConstantPolicy) -> Self {
-        Self {
-            format: FORMAT,
-            spec: p.spec,
-            action: p.action,
-            std: Some(p.std),
-        }
+        Self { format: FORMAT, spec: p.spec, action: p.action, std: Some(p.std) }
     }
 }
 
@@ -473,7 +392,6 @@ impl TryFrom<ConstantFile> for ConstantPolicy {
     fn try_from(file: ConstantFile) -> Result<Self, LearnError> {
         check_format(file.format)?;
         let policy = Self::new(file.spec, &file.action)?;
-        file.std
-            .map_or(Ok(policy.clone()), |std| policy.exploring(&std))
+        file.std.map_or(Ok(policy.clone()), |std| policy.exploring(&std))
     }
 }

@@ -5,24 +5,18 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
-    ActorCritic, ActorCriticConfig, ConstantPolicy, FeedbackConfig, KeptPolicy, LearnError,
-    LearnOutcome, Learner, LinearPolicy, Policy, SavedPolicy, SearchConfig, SearchLearner,
+    ActorCritic, ActorCriticConfig, ConstantPolicy, FeedbackConfig, KeptPolicy, LearnError, LearnOutcome, Learner,
+    LinearPolicy, Policy, SavedPolicy, SearchConfig, SearchLearner,
 };
 use stridemap_returnmap::{
-    LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, RimlessWheel,
-    RimlessWheelParameters, State, Stride, StrideEnd, StrideProcess,
+    LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, RimlessWheel, RimlessWheelParameters,
+    State, Stride, StrideEnd, StrideProcess,
 };
 
 /// Every learner of the crate, configured for one state and one action.
 fn learners() -> Vec<(&'static str, Box<dyn Learner>)> {
-    let short = ActorCriticConfig {
-        trials: 10,
-        ..stepping()
-    };
-    let search = SearchConfig {
-        generations: 5,
-        ..SearchConfig::within(&[0.5], &[0.0], &[1.0])
-    };
+    let short = ActorCriticConfig { trials: 10, ..stepping() };
+    let search = SearchConfig { generations: 5, ..SearchConfig::within(&[0.5], &[0.0], &[1.0]) };
     let feedback = FeedbackConfig {
         components: vec![0],
         state_cost: vec![1.0],
@@ -32,19 +26,11 @@ fn learners() -> Vec<(&'static str, Box<dyn Learner>)> {
         dither: 0.2,
         linearization_strides: 200,
     };
-    let with_feedback = SearchConfig {
-        feedback: Some(feedback),
-        ..search.clone()
-    };
+    let with_feedback = SearchConfig { feedback: Some(feedback), ..search.clone() };
     vec![
         ("actor-critic", Box::new(ActorCritic { config: short })),
         ("search", Box::new(SearchLearner { config: search })),
-        (
-            "search with feedback",
-            Box::new(SearchLearner {
-                config: with_feedback,
-            }),
-        ),
+        ("search with feedback", Box::new(SearchLearner { config: with_feedback })),
     ]
 }
 
@@ -54,29 +40,16 @@ fn stepping() -> ActorCriticConfig {
 
 fn processes() -> Vec<(&'static str, Box<dyn StrideProcess>)> {
     let map = LinearGaussianParameters::stepping();
-    let falling = LinearGaussianParameters {
-        fall_beyond: Some(1.0),
-        ..map.clone()
-    };
-    let rough = RimlessWheelParameters {
-        slope_std_rad: 0.03,
-        ..Default::default()
-    };
+    let falling = LinearGaussianParameters { fall_beyond: Some(1.0), ..map.clone() };
+    let rough = RimlessWheelParameters { slope_std_rad: 0.03, ..Default::default() };
     vec![
         ("linear", Box::new(LinearGaussianMap::new(map).unwrap())),
-        (
-            "linear with falls",
-            Box::new(LinearGaussianMap::new(falling).unwrap()),
-        ),
+        ("linear with falls", Box::new(LinearGaussianMap::new(falling).unwrap())),
         ("rimless wheel", Box::new(RimlessWheel::new(rough).unwrap())),
     ]
 }
 
-fn improve(
-    learner: &mut dyn Learner,
-    process: &mut dyn StrideProcess,
-    seed: u64,
-) -> Result<LearnOutcome, LearnError> {
+fn improve(learner: &mut dyn Learner, process: &mut dyn StrideProcess, seed: u64) -> Result<LearnOutcome, LearnError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     learner.improve(process, None, &mut rng, &mut |_| ())
 }
@@ -161,13 +134,7 @@ fn nonsense_from_the_process_is_an_error_and_no_panic() {
         (0.0, 0.0, StrideEnd::Aborted, 1),
     ] {
         for (name, mut learner) in learners() {
-            let mut process = Broken {
-                spec: spec.clone(),
-                state,
-                reward,
-                end,
-                length,
-            };
+            let mut process = Broken { spec: spec.clone(), state, reward, end, length };
             let result = improve(learner.as_mut(), &mut process, 1);
             assert!(result.is_err(), "{name}: {state} {reward} {end:?} {length}");
         }
@@ -177,9 +144,7 @@ fn nonsense_from_the_process_is_an_error_and_no_panic() {
 #[test]
 fn a_policy_for_other_components_is_refused() {
     let mut wheel = RimlessWheel::new(RimlessWheelParameters::default()).unwrap();
-    let other = ConstantPolicy::new(processes()[0].1.spec().clone(), &[0.0])
-        .unwrap()
-        .to_saved();
+    let other = ConstantPolicy::new(processes()[0].1.spec().clone(), &[0.0]).unwrap().to_saved();
     for (name, mut learner) in learners() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let result = learner.improve(&mut wheel, Some(&other), &mut rng, &mut |_| ());
@@ -245,26 +210,14 @@ fn the_actor_critic_finds_the_linear_quadratic_regulator() {
     };
     let gamma = config.discount;
     let best = regulation().optimal(gamma).unwrap();
-    let optimum = LinearPolicy::new(
-        regulation().spec().clone(),
-        best.offset.as_slice(),
-        &[vec![best.gain[0]]],
-        &[0.0],
-    )
-    .unwrap();
+    let optimum =
+        LinearPolicy::new(regulation().spec().clone(), best.offset.as_slice(), &[vec![best.gain[0]]], &[0.0]).unwrap();
     let nothing = ConstantPolicy::new(regulation().spec().clone(), &[0.0]).unwrap();
-    let (best_reward, idle_reward) = (
-        discounted_reward(&optimum, gamma),
-        discounted_reward(&nothing, gamma),
-    );
+    let (best_reward, idle_reward) = (discounted_reward(&optimum, gamma), discounted_reward(&nothing, gamma));
     let (mut gains, mut offsets, mut regrets) = (Vec::new(), Vec::new(), Vec::new());
     for seed in 1..=10 {
-        let mut learner = ActorCritic {
-            config: config.clone(),
-        };
-        let policy = improve(&mut learner, &mut regulation(), seed)
-            .unwrap()
-            .policy;
+        let mut learner = ActorCritic { config: config.clone() };
+        let policy = improve(&mut learner, &mut regulation(), seed).unwrap().policy;
         // Slope of the policy over [−1, 1], where the states are.
         let grid: Vec<f64> = (-10..=10).map(|i| 0.1 * f64::from(i)).collect();
         let square: f64 = grid.iter().map(|x| x * x).sum();
@@ -277,15 +230,9 @@ fn the_actor_critic_finds_the_linear_quadratic_regulator() {
     // −0.382), and 0.20 % of what can be gained is missed, 0.26 % in the worst seed. The bands allow
     // for the network, which cannot represent a line exactly, beside four standard errors.
     let (gain, gain_error) = mean_and_error(&gains);
-    assert!(
-        (gain - best.gain[0]).abs() < 0.15 + 4.0 * gain_error,
-        "{gain} ± {gain_error}"
-    );
+    assert!((gain - best.gain[0]).abs() < 0.15 + 4.0 * gain_error, "{gain} ± {gain_error}");
     let (offset, offset_error) = mean_and_error(&offsets);
-    assert!(
-        (offset - best.offset[0]).abs() < 0.01 + 4.0 * offset_error,
-        "{offset}"
-    );
+    assert!((offset - best.offset[0]).abs() < 0.01 + 4.0 * offset_error, "{offset}");
     assert!(regrets.iter().all(|r| *r < 0.01), "{regrets:?}");
 }
 
@@ -336,22 +283,14 @@ fn the_actor_critic_regulates_with_a_vector_of_actions() {
         }
         sum
     };
-    let (spec, best) = (
-        map().spec().clone(),
-        map().optimal(config.discount).unwrap(),
-    );
-    let rows: Vec<Vec<f64>> = (0..2)
-        .map(|j| best.gain.row(j).iter().copied().collect())
-        .collect();
-    let optimum =
-        LinearPolicy::new(spec.clone(), best.offset.as_slice(), &rows, &[0.0; 2]).unwrap();
+    let (spec, best) = (map().spec().clone(), map().optimal(config.discount).unwrap());
+    let rows: Vec<Vec<f64>> = (0..2).map(|j| best.gain.row(j).iter().copied().collect()).collect();
+    let optimum = LinearPolicy::new(spec.clone(), best.offset.as_slice(), &rows, &[0.0; 2]).unwrap();
     let idle = reward(&ConstantPolicy::new(spec, &[0.0, 0.0]).unwrap());
     let optimum = reward(&optimum);
     let missed: Vec<f64> = (1..=10)
         .map(|seed| {
-            let mut learner = ActorCritic {
-                config: config.clone(),
-            };
+            let mut learner = ActorCritic { config: config.clone() };
             let policy = improve(&mut learner, &mut map(), seed).unwrap().policy;
             (optimum - reward(&policy)) / (optimum - idle)
         })
@@ -364,21 +303,13 @@ fn the_actor_critic_regulates_with_a_vector_of_actions() {
 /// −0.005, the worst −0.48, the median −0.00043).
 #[test]
 fn no_seed_is_stuck_where_all_actions_are_clipped() {
-    let config = ActorCriticConfig {
-        mean_weights_within_bounds: true,
-        trace_decay: 0.9,
-        ..stepping()
-    };
+    let config = ActorCriticConfig { mean_weights_within_bounds: true, trace_decay: 0.9, ..stepping() };
     for seed in 0..100 {
         let parameters = LinearGaussianParameters::stepping();
         let mut map = LinearGaussianMap::new(parameters).unwrap();
-        let mut learner = ActorCritic {
-            config: config.clone(),
-        };
+        let mut learner = ActorCritic { config: config.clone() };
         let policy = improve(&mut learner, &mut map, seed).unwrap().policy;
-        let SavedPolicy::GaussianNetwork(network) = &policy else {
-            panic!("not a network")
-        };
+        let SavedPolicy::GaussianNetwork(network) = &policy else { panic!("not a network") };
         for base in 0..network.network().len() {
             let mean = network.network().weights(base)[0] * 2.0;
             assert!((-1.5..=5.0).contains(&mean), "{mean}");

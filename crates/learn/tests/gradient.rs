@@ -5,28 +5,16 @@
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_learn::{
-    ActorCriticConfig, ActorCriticRun, GaussianPolicy, KeptPolicy, Policy, SavedPolicy,
-};
+use stridemap_learn::{ActorCriticConfig, ActorCriticRun, GaussianPolicy, KeptPolicy, Policy, SavedPolicy};
 use stridemap_returnmap::{
-    Action, ActionDimension, LinearGaussianMap, LinearGaussianParameters, ProcessError,
-    ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
+    Action, ActionDimension, LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, State,
+    StateDimension, Stride, StrideEnd, StrideProcess,
 };
 
 fn spec(states: usize, actions: usize, bound: f64) -> ProcessSpec {
     ProcessSpec {
-        state: (0..states)
-            .map(|i| StateDimension {
-                name: format!("x{i}"),
-            })
-            .collect(),
-        action: (0..actions)
-            .map(|j| ActionDimension {
-                name: format!("u{j}"),
-                lower: -bound,
-                upper: bound,
-            })
-            .collect(),
+        state: (0..states).map(|i| StateDimension { name: format!("x{i}") }).collect(),
+        action: (0..actions).map(|j| ActionDimension { name: format!("u{j}"), lower: -bound, upper: bound }).collect(),
     }
 }
 
@@ -40,10 +28,7 @@ fn vector_policy() -> GaussianPolicy {
     ] {
         policy.network_mut().allocate(&centre);
         let base = policy.network().len() - 1;
-        policy
-            .network_mut()
-            .weights_mut(base)
-            .copy_from_slice(&weights);
+        policy.network_mut().weights_mut(base).copy_from_slice(&weights);
     }
     policy
 }
@@ -52,11 +37,7 @@ fn vector_policy() -> GaussianPolicy {
 fn the_score_agrees_with_finite_differences() {
     let policy = vector_policy();
     let h = 1e-5;
-    for (x, u) in [
-        ([0.1, 0.5], [1.0, 0.3]),
-        ([-0.4, 3.0], [-2.0, -0.6]),
-        ([2.0, 9.0], [0.0, 0.9]),
-    ] {
+    for (x, u) in [([0.1, 0.5], [1.0, 0.3]), ([-0.4, 3.0], [-2.0, -0.6]), ([2.0, 9.0], [0.0, 0.9])] {
         let gradient = policy.log_density_gradient(&x, &u);
         for base in 0..3 {
             for column in 0..4 {
@@ -66,17 +47,10 @@ fn the_score_agrees_with_finite_differences() {
                     moved.log_density(&x, &u)
                 };
                 let numerical = (at(h) - at(-h)) / (2.0 * h);
-                let exact = if column < 2 {
-                    gradient.mean[base][column]
-                } else {
-                    gradient.std_logit[base][column - 2]
-                };
+                let exact = if column < 2 { gradient.mean[base][column] } else { gradient.std_logit[base][column - 2] };
                 // Rounding of ln π / h, and the third derivative times h².
                 let tolerance = 1e-8 * (1.0 + exact.abs());
-                assert!(
-                    (numerical - exact).abs() < tolerance,
-                    "{numerical} is not {exact}"
-                );
+                assert!((numerical - exact).abs() < tolerance, "{numerical} is not {exact}");
             }
         }
     }
@@ -111,10 +85,7 @@ fn samples_are_drawn_from_the_stated_density() {
 fn a_file_brings_back_every_bit() {
     let policy = vector_policy();
     let text = serde_json::to_string(&policy.to_saved()).unwrap();
-    assert!(
-        text.starts_with(r#"{"kind":"gaussian_network","format":1"#),
-        "{text}"
-    );
+    assert!(text.starts_with(r#"{"kind":"gaussian_network","format":1"#), "{text}");
     let back: SavedPolicy = serde_json::from_str(&text).unwrap();
     assert_eq!(serde_json::to_string(&back).unwrap(), text);
     for i in 0..200 {
@@ -126,14 +97,9 @@ fn a_file_brings_back_every_bit() {
     for (wrong, what) in [
         (text.replace(r#""format":1"#, r#""format":2"#), "format 2"),
         (text.replace("std_scale", "std_skale"), "std_skale"),
-        (
-            text.replace(r#""std_scale":0.8"#, r#""std_scale":-0.8"#),
-            "std_scale",
-        ),
+        (text.replace(r#""std_scale":0.8"#, r#""std_scale":-0.8"#), "std_scale"),
     ] {
-        let error = serde_json::from_str::<SavedPolicy>(&wrong)
-            .unwrap_err()
-            .to_string();
+        let error = serde_json::from_str::<SavedPolicy>(&wrong).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
     }
 }
@@ -189,11 +155,7 @@ fn scalar(bound: f64, last: usize) -> TwoStrides {
         action_bounds: vec![[-bound, bound]],
         fall_beyond: None,
     };
-    TwoStrides {
-        map: LinearGaussianMap::new(parameters).unwrap(),
-        strides: 0,
-        last,
-    }
+    TwoStrides { map: LinearGaussianMap::new(parameters).unwrap(), strides: 0, last }
 }
 
 /// Estimates Σ δ(k) e(k) from single episodes, by what the learner adds to its weights with a step so
@@ -211,15 +173,10 @@ fn estimates(process: &mut TwoStrides, value: f64, episodes: usize) -> [(f64, f6
         strides_per_trial: process.last,
         ..ActorCriticConfig::paper(&[1e6], &[1.0])
     };
-    let mut policy =
-        GaussianPolicy::new(process.spec().clone(), &[1e6], &[1.0], STD_SCALE).unwrap();
+    let mut policy = GaussianPolicy::new(process.spec().clone(), &[1e6], &[1.0], STD_SCALE).unwrap();
     policy.network_mut().allocate(&[0.0]);
-    policy
-        .network_mut()
-        .weights_mut(0)
-        .copy_from_slice(&[MEAN, LOGIT, value]);
-    let mut run =
-        ActorCriticRun::new(&config, &process.spec().clone(), Some(&policy.to_saved())).unwrap();
+    policy.network_mut().weights_mut(0).copy_from_slice(&[MEAN, LOGIT, value]);
+    let mut run = ActorCriticRun::new(&config, &process.spec().clone(), Some(&policy.to_saved())).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(17);
     let mut sums = [(0.0, 0.0); 2];
     let mut before = [MEAN, LOGIT];
@@ -246,10 +203,7 @@ fn expected_rewards(first: [f64; 2], second: [f64; 2]) -> [f64; 2] {
     let mut x = (START, 0.0); // mean and variance
     [first, second].map(|[mean, logit]| {
         let variance = std(logit).powi(2);
-        x = (
-            A * x.0 + B * mean + OFFSET,
-            A * A * x.1 + B * B * variance + NOISE * NOISE,
-        );
+        x = (A * x.0 + B * mean + OFFSET, A * A * x.1 + B * B * variance + NOISE * NOISE);
         -(x.0 * x.0 + x.1) - 0.1 * (mean * mean + variance)
     })
 }
@@ -281,10 +235,7 @@ fn the_estimated_gradient_is_the_exact_one_whatever_the_baseline() {
             let second = derivative(&|w| expected_rewards(here, w)[1], i);
             let exact = first + second;
             assert!(std_error < 0.05 * exact.abs(), "{std_error} of {exact}");
-            assert!(
-                (mean - exact).abs() < 4.0 * std_error,
-                "{mean} ± {std_error} is not {exact}"
-            );
+            assert!((mean - exact).abs() < 4.0 * std_error, "{mean} ± {std_error} is not {exact}");
         }
     }
 }
@@ -313,30 +264,18 @@ fn clipped_actions_do_not_bias_the_gradient() {
         -(x * x + NOISE * NOISE) - 0.1 * u * u
     };
     let h = 1e-4;
-    let by_mean =
-        (integrate(MEAN + h, std, &reward) - integrate(MEAN - h, std, &reward)) / (2.0 * h);
-    let by_std =
-        (integrate(MEAN, std + h, &reward) - integrate(MEAN, std - h, &reward)) / (2.0 * h);
+    let by_mean = (integrate(MEAN + h, std, &reward) - integrate(MEAN - h, std, &reward)) / (2.0 * h);
+    let by_std = (integrate(MEAN, std + h, &reward) - integrate(MEAN, std - h, &reward)) / (2.0 * h);
     let by_logit = by_std * std * (1.0 - std / STD_SCALE);
     let found = estimates(&mut scalar(bound, 1), -2.0, 200_000);
     for ((mean, std_error), exact) in found.into_iter().zip([by_mean, by_logit]) {
-        assert!(
-            (mean - exact).abs() < 4.0 * std_error,
-            "{mean} ± {std_error} is not {exact}"
-        );
+        assert!((mean - exact).abs() < 4.0 * std_error, "{mean} ± {std_error} is not {exact}");
     }
     // The other choice: score at the clipped action.
-    let of_clipped = integrate(MEAN, std, &|o| {
-        (reward(o) + 2.0) * (o.clamp(-bound, bound) - MEAN) / (std * std)
-    });
-    assert!(
-        (of_clipped - by_mean).abs() > 20.0 * found[0].1,
-        "{of_clipped} against {by_mean}"
-    );
+    let of_clipped = integrate(MEAN, std, &|o| (reward(o) + 2.0) * (o.clamp(-bound, bound) - MEAN) / (std * std));
+    assert!((of_clipped - by_mean).abs() > 20.0 * found[0].1, "{of_clipped} against {by_mean}");
     // Its expected score is not zero, so that even a baseline would move the policy.
-    let score = integrate(MEAN, std, &|o| {
-        (o.clamp(-bound, bound) - MEAN) / (std * std)
-    });
+    let score = integrate(MEAN, std, &|o| (o.clamp(-bound, bound) - MEAN) / (std * std));
     assert!(score < -0.1, "{score}");
 }
 
@@ -347,12 +286,7 @@ fn expected_rewards_agree_with_the_maps_own_value() {
     let std = STD_SCALE / (1.0 + (-LOGIT).exp());
     let value = process
         .map
-        .evaluate(
-            &DMatrix::zeros(1, 1),
-            &DVector::from_element(1, MEAN),
-            &DVector::from_element(1, std),
-            0.0,
-        )
+        .evaluate(&DMatrix::zeros(1, 1), &DVector::from_element(1, MEAN), &DVector::from_element(1, std), 0.0)
         .unwrap();
     let [first, _] = expected_rewards([MEAN, LOGIT], [MEAN, LOGIT]);
     assert!((value.value(&[START]) - first).abs() < 1e-12);

@@ -2,9 +2,7 @@
 
 use std::collections::VecDeque;
 
-use stridemap_robot::{
-    JointLimits, JointState as JointReading, RobotError, Ros2Config, SensorFrame,
-};
+use stridemap_robot::{JointLimits, JointState as JointReading, RobotError, Ros2Config, SensorFrame};
 
 use crate::error::LinkError;
 use crate::messages::{Header, Imu, JointState, WrenchStamped};
@@ -103,9 +101,7 @@ impl Assembler {
         period_s: f64,
         patient: bool,
     ) -> Result<Self, LinkError> {
-        let within_s = config
-            .pair_within_s
-            .unwrap_or(PAIR_WITHIN_PERIODS * period_s);
+        let within_s = config.pair_within_s.unwrap_or(PAIR_WITHIN_PERIODS * period_s);
         if !(within_s >= 0.0 && within_s < 0.5 * period_s) {
             return Err(LinkError::Config {
                 field: "pair_within_s",
@@ -158,21 +154,14 @@ impl Assembler {
     }
 
     /// Takes a message in; `source` tells its writer from others.
-    pub fn push(
-        &mut self,
-        part: Part,
-        source: u128,
-        counts: &mut LinkCounts,
-    ) -> Result<(), Unusable> {
+    pub fn push(&mut self, part: Part, source: u128, counts: &mut LinkCounts) -> Result<(), Unusable> {
         let header = part.header().clone();
         let taken = match part {
             Part::Joints(message) => self
                 .check_clock(header.stamp.nanoseconds(), counts)
                 .and_then(|()| self.joints_of(&message))
                 .and_then(|joints| self.joints.take(source, &header, joints)),
-            Part::Imu(message) => self
-                .turn_of(&message)
-                .and_then(|turn| self.imu.take(source, &header, turn)),
+            Part::Imu(message) => self.turn_of(&message).and_then(|turn| self.imu.take(source, &header, turn)),
             Part::Foot(side, message) => {
                 let load_n = message.force.z;
                 if load_n.is_finite() {
@@ -211,10 +200,7 @@ impl Assembler {
         self.late += 1;
         if last - stamp > CLOCK_FELL_BACK_NS || self.late >= LATE_IN_A_ROW {
             self.begin_anew();
-            return Err(said(format!(
-                "the robot's clock went back by {:.3} s",
-                seconds(last - stamp)
-            )));
+            return Err(said(format!("the robot's clock went back by {:.3} s", seconds(last - stamp))));
         }
         Ok(())
     }
@@ -229,11 +215,9 @@ impl Assembler {
         })?;
         let names = self.wiring.names();
         for (name, joint) in names.iter().zip(&joints) {
-            for (field, value) in [
-                ("position", joint.position_rad),
-                ("velocity", joint.velocity_rad_s),
-                ("effort", joint.torque_nm),
-            ] {
+            for (field, value) in
+                [("position", joint.position_rad), ("velocity", joint.velocity_rad_s), ("effort", joint.torque_nm)]
+            {
                 if !value.is_finite() {
                     return Err(said(format!("the {field} of joint {name} is {value}")));
                 }
@@ -267,19 +251,14 @@ impl Assembler {
         // REP-145: a covariance of −1 says that there is none.
         let absent = message.data.orientation_covariance[0] < 0.0;
         if absent || norm < 1e-6 {
-            return Err(said(format!(
-                "{topic} tells no orientation: the robot needs an inertial unit that does"
-            )));
+            return Err(said(format!("{topic} tells no orientation: the robot needs an inertial unit that does")));
         }
         if (norm - 1.0).abs() > 0.005 {
             return Err(said(format!(
                 "the orientation on {topic} is no rotation: its quaternion has the norm {norm:.3}"
             )));
         }
-        Ok(Turn {
-            orientation,
-            rate_rad_s,
-        })
+        Ok(Turn { orientation, rate_rad_s })
     }
 
     /// The next whole reading. `waits` is whether a patient assembler still hopes for nearer messages.
@@ -302,9 +281,7 @@ impl Assembler {
                 return self.reading(stamp, imu.0, [left.0, right.0], counts);
             }
             let past = (found[0].is_none() && self.imu.is_past(stamp, within))
-                || (0..2).any(|side| {
-                    found[side + 1].is_none() && self.feet[side].is_past(stamp, within)
-                });
+                || (0..2).any(|side| found[side + 1].is_none() && self.feet[side].is_past(stamp, within));
             if waits && !past && under_way.len() < MOST_UNDER_WAY {
                 return None;
             }
@@ -313,19 +290,10 @@ impl Assembler {
     }
 
     /// A reading from its parts.
-    fn reading(
-        &mut self,
-        stamp: u64,
-        imu: u64,
-        feet: [u64; 2],
-        counts: &mut LinkCounts,
-    ) -> Option<SensorFrame> {
+    fn reading(&mut self, stamp: u64, imu: u64, feet: [u64; 2], counts: &mut LinkCounts) -> Option<SensorFrame> {
         let joints = self.joints.parts.get(&stamp)?.clone();
         let turn = *self.imu.parts.get(&imu)?;
-        let loads_n = [
-            *self.feet[0].parts.get(&feet[0])?,
-            *self.feet[1].parts.get(&feet[1])?,
-        ];
+        let loads_n = [*self.feet[0].parts.get(&feet[0])?, *self.feet[1].parts.get(&feet[1])?];
         self.joints.forget_before(stamp);
         let kept = stamp.saturating_sub(self.within_ns);
         self.imu.forget_before(kept);
@@ -369,24 +337,16 @@ impl Assembler {
             (self.feet[1].what, self.feet[1].newest_ns),
         ];
         let newest = streams.iter().filter_map(|(_, newest)| *newest).max()?;
-        if self
-            .last_ns
-            .is_some_and(|last| newest <= last + self.within_ns)
-        {
+        if self.last_ns.is_some_and(|last| newest <= last + self.within_ns) {
             return None;
         }
-        let silent = streams.iter().filter(|(_, at)| {
-            at.is_none_or(|at| seconds(newest.saturating_sub(at)) > self.period_s)
-        });
+        let silent =
+            streams.iter().filter(|(_, at)| at.is_none_or(|at| seconds(newest.saturating_sub(at)) > self.period_s));
         let silent: Vec<&str> = silent.map(|(what, _)| *what).collect();
         // Of clocks that differ the slower seems silent and is not.
         let feet = self.feet.iter().any(Stream::never_pairs);
         let apart = feet || self.imu.never_pairs();
-        Some(if silent.is_empty() || apart {
-            format!("a whole reading ({})", self.heard())
-        } else {
-            silent.join(", ")
-        })
+        Some(if silent.is_empty() || apart { format!("a whole reading ({})", self.heard()) } else { silent.join(", ") })
     }
 
     /// Whether anything was heard on any topic.
@@ -397,13 +357,7 @@ impl Assembler {
 
     /// What was heard on each topic.
     pub fn heard(&self) -> String {
-        [
-            self.joints.tally(),
-            self.imu.tally(),
-            self.feet[0].tally(),
-            self.feet[1].tally(),
-        ]
-        .join("; ")
+        [self.joints.tally(), self.imu.tally(), self.feet[0].tally(), self.feet[1].tally()].join("; ")
     }
 }
 

@@ -21,12 +21,7 @@ pub struct GuardBounds {
 
 impl Default for GuardBounds {
     fn default() -> Self {
-        Self {
-            hold_after_s: 0.05,
-            damp_after_s: 0.5,
-            stale_s: 0.05,
-            writer_s: 1.0,
-        }
+        Self { hold_after_s: 0.05, damp_after_s: 0.5, stale_s: 0.05, writer_s: 1.0 }
     }
 }
 
@@ -67,27 +62,14 @@ impl Refusals {
     pub fn spoil(&self, before: &Self) -> Option<String> {
         let more = |now: u64, then: u64| now.saturating_sub(then);
         [
+            (more(self.second_writer, before.second_writer), "somebody else commands the robot as well"),
+            (more(self.stale, before.stale), "the robot refused commands that came too late"),
+            (more(self.holds, before.holds) + more(self.damps, before.damps), "the robot had no commands and held"),
             (
-                more(self.second_writer, before.second_writer),
-                "somebody else commands the robot as well",
-            ),
-            (
-                more(self.stale, before.stale),
-                "the robot refused commands that came too late",
-            ),
-            (
-                more(self.holds, before.holds) + more(self.damps, before.damps),
-                "the robot had no commands and held",
-            ),
-            (
-                more(self.wrong_length, before.wrong_length)
-                    + more(self.not_finite, before.not_finite),
+                more(self.wrong_length, before.wrong_length) + more(self.not_finite, before.not_finite),
                 "the robot refused commands that were no good",
             ),
-            (
-                more(self.stops, before.stops) + more(self.stopped, before.stopped),
-                "the emergency stop was pressed",
-            ),
+            (more(self.stops, before.stops) + more(self.stopped, before.stopped), "the emergency stop was pressed"),
         ]
         .into_iter()
         .find(|(times, _)| *times > 0)
@@ -194,8 +176,7 @@ impl CommandGuard {
     /// Whether somebody commanded within the writer's time.
     #[must_use]
     pub fn has_writer(&self, now_s: f64) -> bool {
-        self.writer
-            .is_some_and(|w| now_s - w.last_s <= self.bounds.writer_s)
+        self.writer.is_some_and(|w| now_s - w.last_s <= self.bounds.writer_s)
     }
 
     /// Time since the last accepted command; `None` before the first.
@@ -230,9 +211,7 @@ impl CommandGuard {
             self.refusals.stopped += 1;
             return false;
         }
-        let other = self
-            .writer
-            .is_some_and(|w| w.id != writer && now_s - w.last_s <= self.bounds.writer_s);
+        let other = self.writer.is_some_and(|w| w.id != writer && now_s - w.last_s <= self.bounds.writer_s);
         if other {
             self.refusals.second_writer += 1;
             return false;
@@ -263,10 +242,7 @@ impl CommandGuard {
         if !self.admits(now_s, writer) {
             return false;
         }
-        self.writer = Some(Writer {
-            id: writer,
-            last_s: now_s,
-        });
+        self.writer = Some(Writer { id: writer, last_s: now_s });
         self.wanted = Some(Wanted::Posture(now_s, command_rad.to_vec()));
         true
     }
@@ -296,10 +272,7 @@ impl CommandGuard {
         if !self.admits(now_s, writer) {
             return false;
         }
-        self.writer = Some(Writer {
-            id: writer,
-            last_s: trajectory.end_s().max(now_s),
-        });
+        self.writer = Some(Writer { id: writer, last_s: trajectory.end_s().max(now_s) });
         self.wanted = Some(Wanted::Way(trajectory, None));
         true
     }
@@ -370,9 +343,7 @@ impl CommandGuard {
         };
         let wanted = match &mut self.wanted {
             Some(Wanted::Posture(_, posture)) => posture.clone(),
-            Some(Wanted::Way(trajectory, begun)) => {
-                trajectory.at(now_s, begun.get_or_insert_with(|| from.clone()))
-            }
+            Some(Wanted::Way(trajectory, begun)) => trajectory.at(now_s, begun.get_or_insert_with(|| from.clone())),
             None => from.clone(),
         };
         let (next, held) = hold_to_limits(&wanted, &from, measured, &self.limits, period_s);
@@ -392,20 +363,12 @@ mod tests {
 
     /// Joints at rest at these angles.
     fn at(angles: &[f64]) -> Vec<JointState> {
-        let joint = |&position_rad| JointState {
-            position_rad,
-            ..JointState::default()
-        };
+        let joint = |&position_rad| JointState { position_rad, ..JointState::default() };
         angles.iter().map(joint).collect()
     }
 
     fn guard() -> CommandGuard {
-        let limits = JointLimits {
-            lower_rad: -1.0,
-            upper_rad: 1.0,
-            velocity_rad_s: 5.0,
-            torque_nm: 1.0,
-        };
+        let limits = JointLimits { lower_rad: -1.0, upper_rad: 1.0, velocity_rad_s: 5.0, torque_nm: 1.0 };
         CommandGuard::new(vec![limits; 2], GuardBounds::default())
     }
 
@@ -413,22 +376,10 @@ mod tests {
     fn silence_holds_then_damps_and_a_command_wakes_it_from_the_measured_angles() {
         let mut guard = guard();
         assert!(guard.command(0.0, 1, &[0.01, 0.02]));
-        assert_eq!(
-            guard.act(0.0, PERIOD_S, &at(&[0.0; 2])),
-            Act::Follow(vec![0.01, 0.02])
-        );
-        assert_eq!(
-            guard.act(0.048, PERIOD_S, &at(&[0.0; 2])),
-            Act::Follow(vec![0.01, 0.02])
-        );
-        assert_eq!(
-            guard.act(0.056, PERIOD_S, &at(&[0.0; 2])),
-            Act::Hold(vec![0.01, 0.02])
-        );
-        assert_eq!(
-            guard.act(0.5, PERIOD_S, &at(&[0.0; 2])),
-            Act::Hold(vec![0.01, 0.02])
-        );
+        assert_eq!(guard.act(0.0, PERIOD_S, &at(&[0.0; 2])), Act::Follow(vec![0.01, 0.02]));
+        assert_eq!(guard.act(0.048, PERIOD_S, &at(&[0.0; 2])), Act::Follow(vec![0.01, 0.02]));
+        assert_eq!(guard.act(0.056, PERIOD_S, &at(&[0.0; 2])), Act::Hold(vec![0.01, 0.02]));
+        assert_eq!(guard.act(0.5, PERIOD_S, &at(&[0.0; 2])), Act::Hold(vec![0.01, 0.02]));
         assert_eq!(guard.act(0.508, PERIOD_S, &at(&[0.3, 0.3])), Act::Damp);
         assert!(guard.command(0.6, 1, &[0.0, 0.32]));
         let Act::Follow(next) = guard.act(0.6, PERIOD_S, &at(&[0.3, 0.3])) else {
@@ -464,15 +415,9 @@ mod tests {
         guard.heartbeat(1, 5, 1_000_000_000);
         guard.heartbeat(1, 6, 900_000_000);
         assert_eq!(guard.refusals().out_of_order, 2);
-        assert!(
-            !guard.command(1.1, 1, &[0.0; 2]),
-            "answers a state of 0.1 s ago"
-        );
+        assert!(!guard.command(1.1, 1, &[0.0; 2]), "answers a state of 0.1 s ago");
         guard.heartbeat(1, 7, 9_000_000_000);
-        assert!(
-            !guard.command(1.2, 1, &[0.0; 2]),
-            "answers a state of the future"
-        );
+        assert!(!guard.command(1.2, 1, &[0.0; 2]), "answers a state of the future");
         assert_eq!(guard.refusals().stale, 2);
     }
 
@@ -486,10 +431,7 @@ mod tests {
         assert!(!guard.command(0.01, 1, &[0.0; 2]));
         assert_eq!(guard.stopped(), Some("button"));
         guard.rearm();
-        assert_eq!(
-            guard.act(0.02, PERIOD_S, &at(&[0.1; 2])),
-            Act::Hold(vec![0.1; 2])
-        );
+        assert_eq!(guard.act(0.02, PERIOD_S, &at(&[0.1; 2])), Act::Hold(vec![0.1; 2]));
         assert!(guard.command(0.02, 1, &[0.1; 2]));
         assert_eq!((guard.refusals().stops, guard.refusals().stopped), (1, 1));
     }
@@ -513,19 +455,9 @@ mod tests {
     #[test]
     fn a_trajectory_is_followed_to_its_end_and_then_held() {
         let mut guard = guard();
-        let way = Trajectory {
-            start_s: 0.0,
-            points: vec![(1.0, vec![Some(0.5), None])],
-        };
+        let way = Trajectory { start_s: 0.0, points: vec![(1.0, vec![Some(0.5), None])] };
         assert!(guard.trajectory(0.0, 1, way.clone()));
-        assert!(!guard.trajectory(
-            0.0,
-            1,
-            Trajectory {
-                points: vec![],
-                ..way.clone()
-            }
-        ));
+        assert!(!guard.trajectory(0.0, 1, Trajectory { points: vec![], ..way.clone() }));
         let mut now_s = 0.0;
         let mut joints = at(&[0.0, 0.2]);
         while now_s < 1.0 {
@@ -548,11 +480,7 @@ mod tests {
     #[test]
     fn a_hold_and_a_refusal_spoil_a_stride_a_clamp_does_not() {
         let before = Refusals::default();
-        let clamped = Refusals {
-            position_clamped: 3,
-            out_of_order: 2,
-            ..before
-        };
+        let clamped = Refusals { position_clamped: 3, out_of_order: 2, ..before };
         assert_eq!(clamped.spoil(&before), None);
         let held = Refusals { holds: 1, ..before };
         assert!(held.spoil(&before).unwrap().contains("held"));

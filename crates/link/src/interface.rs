@@ -67,14 +67,12 @@ impl Interface {
                 });
             }
         }
-        let refused = |problem: String| LinkError::Config {
-            field: "interface",
-            value: config.interface.clone(),
-            problem,
-        };
-        let parsed: Ipv4Addr = config.interface.parse().map_err(|_| {
-            refused("must be the IPv4 address of one of this machine's interfaces".into())
-        })?;
+        let refused =
+            |problem: String| LinkError::Config { field: "interface", value: config.interface.clone(), problem };
+        let parsed: Ipv4Addr = config
+            .interface
+            .parse()
+            .map_err(|_| refused("must be the IPv4 address of one of this machine's interfaces".into()))?;
         let own: Vec<(Ipv4Addr, String)> = getifaddrs()
             .map_err(|e| LinkError::Network(format!("interfaces cannot be listed: {e}")))?
             .filter_map(|i| Some((i.address?.as_sockaddr_in()?.ip(), i.interface_name)))
@@ -88,9 +86,7 @@ impl Interface {
             None => {
                 let known = own.iter().map(|(ip, name)| format!("{ip} ({name})"));
                 let known = known.collect::<Vec<_>>().join(", ");
-                Err(refused(format!(
-                    "this machine has no interface with that address; it has {known}"
-                )))
+                Err(refused(format!("this machine has no interface with that address; it has {known}")))
             }
         }
     }
@@ -169,12 +165,7 @@ fn second_handle(fd: RawFd, from: &UnixDatagram, to: &UnixDatagram) -> IoResult<
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
     let mut control = RecvAncillaryBuffer::new(&mut space);
     let mut byte = [0];
-    recvmsg(
-        to,
-        &mut [IoSliceMut::new(&mut byte)],
-        &mut control,
-        RecvFlags::CMSG_CLOEXEC,
-    )?;
+    recvmsg(to, &mut [IoSliceMut::new(&mut byte)], &mut control, RecvFlags::CMSG_CLOEXEC)?;
     Ok(control.drain().find_map(|message| match message {
         RecvAncillaryMessage::ScmRights(mut files) => files.next(),
         _ => None,

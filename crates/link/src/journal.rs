@@ -9,9 +9,7 @@ use std::sync::{Arc, Mutex};
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
 use rand_chacha::ChaCha8Rng;
-use stridemap_robot::{
-    Machine, MachineDescription, Pose, RobotError, RobotState, Ros2Config, SensorFrame, Shape,
-};
+use stridemap_robot::{Machine, MachineDescription, Pose, RobotError, RobotState, Ros2Config, SensorFrame, Shape};
 
 use crate::error::LinkError;
 use crate::messages::{Float64MultiArray, Header, RosMessage, RosTime, Text, to_cdr, to_messages};
@@ -46,15 +44,8 @@ impl Journal {
     /// # Errors
     ///
     /// [`LinkError::Log`].
-    pub fn create(
-        path: &Path,
-        joint_names: &[String],
-        link: &Ros2Config,
-    ) -> Result<SharedJournal, LinkError> {
-        let fault = |problem: String| LinkError::Log {
-            path: path.into(),
-            problem,
-        };
+    pub fn create(path: &Path, joint_names: &[String], link: &Ros2Config) -> Result<SharedJournal, LinkError> {
+        let fault = |problem: String| LinkError::Log { path: path.into(), problem };
         let mut wiring = Wiring::new(link, joint_names.to_vec())?;
         wiring.find(joint_names)?;
         let file = File::create(path).map_err(|e| fault(e.to_string()))?;
@@ -76,10 +67,7 @@ impl Journal {
     }
 
     fn fault(&self, problem: impl std::fmt::Display) -> LinkError {
-        LinkError::Log {
-            path: self.path.clone(),
-            problem: problem.to_string(),
-        }
+        LinkError::Log { path: self.path.clone(), problem: problem.to_string() }
     }
 
     fn write<M: RosMessage>(&mut self, topic: &str, message: &M) -> Result<(), LinkError> {
@@ -89,16 +77,9 @@ impl Journal {
                 let (package, name) = M::TYPE;
                 let schema = self
                     .writer
-                    .add_schema(
-                        &format!("{package}/msg/{name}"),
-                        "ros2msg",
-                        M::DEFINITION.as_bytes(),
-                    )
+                    .add_schema(&format!("{package}/msg/{name}"), "ros2msg", M::DEFINITION.as_bytes())
                     .map_err(|e| self.fault(e))?;
-                let id = self
-                    .writer
-                    .add_channel(schema, topic, "cdr", &BTreeMap::new())
-                    .map_err(|e| self.fault(e))?;
+                let id = self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).map_err(|e| self.fault(e))?;
                 self.channels.insert(topic.to_owned(), id);
                 id
             }
@@ -108,36 +89,21 @@ impl Journal {
         };
         let time = RosTime::from_seconds(self.begin_s + self.now_s).nanoseconds();
         self.sequence = self.sequence.wrapping_add(1);
-        let header = MessageHeader {
-            channel_id,
-            sequence: self.sequence,
-            log_time: time,
-            publish_time: time,
-        };
-        self.writer
-            .write_to_known_channel(&header, &bytes)
-            .map_err(|e| self.fault(e))
+        let header = MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
+        self.writer.write_to_known_channel(&header, &bytes).map_err(|e| self.fault(e))
     }
 
     /// A robot starts anew; its clock will begin at 0.
     pub(crate) fn episode(&mut self) -> Result<(), LinkError> {
         self.begin_s += self.now_s + 1.0;
         self.now_s = 0.0;
-        self.write(
-            EPISODE,
-            &Text {
-                data: "begin".into(),
-            },
-        )
+        self.write(EPISODE, &Text { data: "begin".into() })
     }
 
     /// A reading.
     pub(crate) fn frame(&mut self, frame: &SensorFrame) -> Result<(), LinkError> {
         self.now_s = frame.time_s;
-        let header = Header {
-            stamp: RosTime::from_seconds(frame.time_s),
-            frame_id: "base".into(),
-        };
+        let header = Header { stamp: RosTime::from_seconds(frame.time_s), frame_id: "base".into() };
         let (_, imu, [left, right]) = to_messages(frame, &[], &header);
         // In the units and from the zeros of the robot's own topics: a log is read as the robot is.
         let joints = self.wiring.tell(header, &frame.joints);
@@ -155,13 +121,7 @@ impl Journal {
     }
 
     fn numbers(&mut self, topic: &str, data: &[f64]) -> Result<(), LinkError> {
-        self.write(
-            topic,
-            &Float64MultiArray {
-                data: data.to_vec(),
-                ..Float64MultiArray::default()
-            },
-        )
+        self.write(topic, &Float64MultiArray { data: data.to_vec(), ..Float64MultiArray::default() })
     }
 
     /// What the policy asks for, as a stride begins.
@@ -209,14 +169,8 @@ impl<M: Machine> LoggedMachine<M> {
         Self { inner, journal }
     }
 
-    fn log(
-        &self,
-        write: impl FnOnce(&mut Journal) -> Result<(), LinkError>,
-    ) -> Result<(), RobotError> {
-        let fault = |what: String| RobotError::Link {
-            time_s: self.inner.frame().time_s,
-            what,
-        };
+    fn log(&self, write: impl FnOnce(&mut Journal) -> Result<(), LinkError>) -> Result<(), RobotError> {
+        let fault = |what: String| RobotError::Link { time_s: self.inner.frame().time_s, what };
         match self.journal.lock() {
             Ok(mut journal) => write(&mut journal).map_err(|e| fault(e.to_string())),
             Err(_) => Err(fault("the log is broken".into())),
@@ -229,11 +183,7 @@ impl<M: Machine> Machine for LoggedMachine<M> {
         self.inner.description()
     }
 
-    fn reset(
-        &mut self,
-        command_rad: &[f64],
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError> {
+    fn reset(&mut self, command_rad: &[f64], rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError> {
         self.inner.reset(command_rad, rng)?;
         self.log(|j| {
             j.episode()?;

@@ -41,9 +41,7 @@ pub use interface::check_network;
 pub use journal::{Journal, LoggedMachine, SharedJournal};
 pub use listener::StatusListener;
 pub use log::{LogReport, LoggedAction, LoggedEpisode, read_log};
-pub use messages::{
-    Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped,
-};
+pub use messages::{Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped};
 pub use network::{BadNetwork, NetworkConditions};
 pub use node::Topics;
 pub use remote::{AlwaysConfirms, LinkCounts, Operator, RemoteMachine};

@@ -50,11 +50,7 @@ impl StatusListener {
                 }
             })
             .map_err(|e| LinkError::Network(format!("an listener cannot be opened: {e}")))?;
-        Ok(Self {
-            heard,
-            stop,
-            listener: Some(listener),
-        })
+        Ok(Self { heard, stop, listener: Some(listener) })
     }
 
     /// What was heard since `since`, oldest first.

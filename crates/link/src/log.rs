@@ -15,9 +15,7 @@ use crate::assemble::{Assembler, Part};
 use crate::error::LinkError;
 use crate::journal::{ACTION, EPISODE, SECTION};
 use crate::mcap_file::{self, Raw};
-use crate::messages::{
-    Float64MultiArray, Imu, JointState, RosMessage, Text, WrenchStamped, from_cdr, stamp_of,
-};
+use crate::messages::{Float64MultiArray, Imu, JointState, RosMessage, Text, WrenchStamped, from_cdr, stamp_of};
 
 /// What the policy asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,18 +91,12 @@ impl Kind {
             Self::Foot(_) => (&link.right_foot, "link.right_foot", WrenchStamped::TYPE),
             Self::Episode => (EPISODE, "where the robot starts anew", Text::TYPE),
             Self::Action => (ACTION, "what the policy asked for", Float64MultiArray::TYPE),
-            Self::Section => (
-                SECTION,
-                "where sections were found",
-                Float64MultiArray::TYPE,
-            ),
+            Self::Section => (SECTION, "where sections were found", Float64MultiArray::TYPE),
         }
     }
 
     fn of(topic: &str, link: &Ros2Config) -> Option<Self> {
-        let all = SENSORS
-            .into_iter()
-            .chain([Self::Episode, Self::Action, Self::Section]);
+        let all = SENSORS.into_iter().chain([Self::Episode, Self::Action, Self::Section]);
         all.into_iter().find(|kind| kind.about(link).0 == topic)
     }
 
@@ -160,10 +152,7 @@ impl Sorted {
         } else {
             self.entries.push(Entry {
                 log_time_ns: raw.log_time_ns,
-                stamp_ns: SENSORS
-                    .contains(&kind)
-                    .then(|| stamp_of(raw.data))
-                    .flatten(),
+                stamp_ns: SENSORS.contains(&kind).then(|| stamp_of(raw.data)).flatten(),
                 kind,
                 channel_id: raw.channel_id,
                 data: raw.data.into(),
@@ -210,21 +199,14 @@ pub fn read_log(
     let needed = SENSORS.into_iter().chain([Kind::Action]);
     let mut lacks: Vec<String> = needed.filter_map(|kind| sorted.lack(kind, link)).collect();
     if !lacks.is_empty() {
-        let has: Vec<String> = sorted
-            .topics
-            .iter()
-            .map(|(t, n)| format!("{t} {n}"))
-            .collect();
+        let has: Vec<String> = sorted.topics.iter().map(|(t, n)| format!("{t} {n}")).collect();
         lacks.push(if has.is_empty() {
             "it holds no message at all".into()
         } else {
             format!("it holds {}", has.join(", "))
         });
         lacks.extend(findings.damages);
-        return Err(LinkError::Log {
-            path: path.into(),
-            problem: format!("gives no strides: {}", lacks.join("; ")),
-        });
+        return Err(LinkError::Log { path: path.into(), problem: format!("gives no strides: {}", lacks.join("; ")) });
     }
     // Recorders of several threads write what they receive in nearly, not quite, the order of its time.
     sorted.entries.sort_by_key(|entry| entry.log_time_ns);
@@ -241,9 +223,7 @@ pub fn read_log(
         let lost = format!("every {EPISODE} is lost: where the robot started is not known");
         reader.report.notes.push(lost);
     } else if !marked {
-        reader.report.notes.push(format!(
-            "no {EPISODE}: the whole log counts as one start of the robot"
-        ));
+        reader.report.notes.push(format!("no {EPISODE}: the whole log counts as one start of the robot"));
         reader.begin(&sorted.entries, None);
     }
     for (at, entry) in sorted.entries.iter().enumerate() {
@@ -251,10 +231,7 @@ pub fn read_log(
     }
     reader.finish();
     if let Some(why) = plausible::contradiction(&reader.episodes, link) {
-        return Err(LinkError::Log {
-            path: path.into(),
-            problem: format!("gives no strides: {why}"),
-        });
+        return Err(LinkError::Log { path: path.into(), problem: format!("gives no strides: {why}") });
     }
     Ok(reader.told(&sorted, findings))
 }

@@ -65,10 +65,7 @@ enum Stop {
 ///
 /// [`LinkError::Log`] if the file cannot be opened or is no MCAP file. What is damaged in one is no error.
 pub(crate) fn read(path: &Path, visit: &mut dyn FnMut(&Raw<'_>)) -> Result<Findings, LinkError> {
-    let fault = |problem: String| LinkError::Log {
-        path: path.into(),
-        problem,
-    };
+    let fault = |problem: String| LinkError::Log { path: path.into(), problem };
     let io = |error: std::io::Error| fault(error.to_string());
     let about = std::fs::metadata(path).map_err(io)?;
     if about.is_dir() {
@@ -78,10 +75,8 @@ pub(crate) fn read(path: &Path, visit: &mut dyn FnMut(&Raw<'_>)) -> Result<Findi
     if !about.is_file() {
         return Err(fault("is no regular file".into()));
     }
-    let mut file = LogFile {
-        bytes: BufReader::with_capacity(1 << 16, File::open(path).map_err(io)?),
-        length: about.len(),
-    };
+    let mut file =
+        LogFile { bytes: BufReader::with_capacity(1 << 16, File::open(path).map_err(io)?), length: about.len() };
     let head = file.read(0, file.length.min(64)).map_err(io)?;
     if !head.starts_with(MAGIC) {
         return Err(fault(foreign(&head)));
@@ -109,37 +104,18 @@ fn foreign(head: &[u8]) -> String {
             b"SQLite format 3\0",
             "a SQLite database (a ROS 2 bag of the older kind): `ros2 bag convert` makes an MCAP file of it",
         ),
-        (
-            b"#ROSBAG",
-            "a bag of ROS 1: convert it to a ROS 2 bag in MCAP form",
-        ),
-        (
-            b"\x28\xb5\x2f\xfd",
-            "a file that zstd compressed as a whole: unpack it with `unzstd` first",
-        ),
-        (
-            b"\x04\x22\x4d\x18",
-            "a file that lz4 compressed as a whole: unpack it with `unlz4` first",
-        ),
-        (
-            b"\x1f\x8b",
-            "a file that gzip compressed as a whole: unpack it with `gunzip` first",
-        ),
+        (b"#ROSBAG", "a bag of ROS 1: convert it to a ROS 2 bag in MCAP form"),
+        (b"\x28\xb5\x2f\xfd", "a file that zstd compressed as a whole: unpack it with `unzstd` first"),
+        (b"\x04\x22\x4d\x18", "a file that lz4 compressed as a whole: unpack it with `unlz4` first"),
+        (b"\x1f\x8b", "a file that gzip compressed as a whole: unpack it with `gunzip` first"),
         (b"", "an empty file"),
     ];
     let is = |magic: &[u8]| {
-        if magic.is_empty() {
-            head.is_empty()
-        } else {
-            head.starts_with(magic)
-        }
+        if magic.is_empty() { head.is_empty() } else { head.starts_with(magic) }
     };
     match known.iter().find(|(magic, _)| is(magic)) {
         Some((_, what)) => format!("is no MCAP file but {what}"),
-        None => format!(
-            "is no MCAP file: it begins with {:?}",
-            String::from_utf8_lossy(&head[..head.len().min(16)])
-        ),
+        None => format!("is no MCAP file: it begins with {:?}", String::from_utf8_lossy(&head[..head.len().min(16)])),
     }
 }
 
@@ -158,9 +134,7 @@ impl LogFile {
             }
         }
         let mut bytes = Vec::new();
-        Read::by_ref(&mut self.bytes)
-            .take(count)
-            .read_to_end(&mut bytes)?;
+        Read::by_ref(&mut self.bytes).take(count).read_to_end(&mut bytes)?;
         Ok(bytes)
     }
 
@@ -177,8 +151,7 @@ impl LogFile {
                 Ok(head) => head,
                 Err(error) => return (at, Stop::Io(error)),
             };
-            let (Some(&opcode), Some(length)) = (head.first(), head.get(1..).and_then(number))
-            else {
+            let (Some(&opcode), Some(length)) = (head.first(), head.get(1..).and_then(number)) else {
                 return (at, Stop::Cut(head.first().copied().unwrap_or(0), 0));
             };
             if opcode == op::DATA_END || opcode == op::FOOTER {
@@ -205,14 +178,7 @@ impl LogFile {
 }
 
 /// Records that are looked into.
-const CARRIED: [u8; 6] = [
-    op::SCHEMA,
-    op::CHANNEL,
-    op::MESSAGE,
-    op::CHUNK,
-    op::CHUNK_INDEX,
-    op::STATISTICS,
-];
+const CARRIED: [u8; 6] = [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::CHUNK, op::CHUNK_INDEX, op::STATISTICS];
 
 /// Eight bytes as a number, least first.
 fn number(bytes: &[u8]) -> Option<u64> {
@@ -276,20 +242,14 @@ impl Contents<'_> {
             });
             let next = self.chunks.range(at + 1..).next().copied();
             let left = match next {
-                Some(next) => format!(
-                    "; the {} bytes up to the next chunk are left out",
-                    next - at
-                ),
-                None => format!(
-                    "; the {} bytes from there on are left out",
-                    file.length - at
-                ),
+                Some(next) => format!("; the {} bytes up to the next chunk are left out", next - at),
+                None => format!("; the {} bytes from there on are left out", file.length - at),
             };
             match stop {
                 Stop::Closed => return,
-                Stop::Unclosed => self.damage(format!(
-                    "was not closed: it ends at byte {at}, and what came after that is lost"
-                )),
+                Stop::Unclosed => {
+                    self.damage(format!("was not closed: it ends at byte {at}, and what came after that is lost"))
+                }
                 Stop::Cut(opcode, length) if next.is_none() => {
                     self.damage(format!(
                         "is cut off or damaged: the record at byte {at} has {length} bytes, and the file only {} more",
@@ -392,19 +352,15 @@ impl Contents<'_> {
 
     fn findings(mut self) -> Findings {
         if self.more > 0 {
-            self.damages
-                .push(format!("and {} more such places", self.more));
+            self.damages.push(format!("and {} more such places", self.more));
         }
         if self.illegible > 0 {
             let count = self.illegible;
-            self.damages
-                .push(format!("is damaged: {count} records cannot be read"));
+            self.damages.push(format!("is damaged: {count} records cannot be read"));
         }
         if self.orphans > 0 {
             let count = self.orphans;
-            self.damages.push(format!(
-                "is damaged: {count} messages are on channels that it does not describe"
-            ));
+            self.damages.push(format!("is damaged: {count} messages are on channels that it does not describe"));
         }
         let mut promised: BTreeMap<String, u64> = BTreeMap::new();
         for (id, channel) in self.channels {
@@ -412,9 +368,6 @@ impl Contents<'_> {
             let sum = promised.entry(channel.topic).or_default();
             *sum = sum.saturating_add(count);
         }
-        Findings {
-            damages: self.damages,
-            promised,
-        }
+        Findings { damages: self.damages, promised }
     }
 }

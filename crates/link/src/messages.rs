@@ -32,10 +32,7 @@ impl RosTime {
     /// From nanoseconds.
     #[must_use]
     pub const fn from_nanoseconds(nanoseconds: u64) -> Self {
-        Self {
-            sec: (nanoseconds / 1_000_000_000) as i32,
-            nanosec: (nanoseconds % 1_000_000_000) as u32,
-        }
+        Self { sec: (nanoseconds / 1_000_000_000) as i32, nanosec: (nanoseconds % 1_000_000_000) as u32 }
     }
 
     /// Nanoseconds; negative times are 0.
@@ -231,9 +228,7 @@ pub struct JointTrajectory {
 }
 
 /// A message with its ROS 2 type and the definition that a log carries.
-pub(crate) trait RosMessage:
-    Serialize + for<'de> Deserialize<'de> + Clone + Send + 'static
-{
+pub(crate) trait RosMessage: Serialize + for<'de> Deserialize<'de> + Clone + Send + 'static {
     /// Package and name of the type.
     const TYPE: (&'static str, &'static str);
     /// Definition, with those of the types it is made of.
@@ -241,8 +236,7 @@ pub(crate) trait RosMessage:
 }
 
 #[cfg(test)]
-const RULE: &str =
-    "\n================================================================================\nMSG: ";
+const RULE: &str = "\n================================================================================\nMSG: ";
 
 macro_rules! ros_message {
     ($type:ty, $package:literal, $name:literal, $definition:expr) => {
@@ -272,10 +266,7 @@ macro_rules! header {
 
 macro_rules! vector3 {
     () => {
-        concat!(
-            rule!(),
-            "geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
-        )
+        concat!(rule!(), "geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n")
     };
 }
 
@@ -329,11 +320,7 @@ ros_message!(
     Clock,
     "rosgraph_msgs",
     "Clock",
-    concat!(
-        "builtin_interfaces/Time clock",
-        rule!(),
-        "builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-    )
+    concat!("builtin_interfaces/Time clock", rule!(), "builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n")
 );
 ros_message!(
     Float64MultiArray,
@@ -435,10 +422,7 @@ mod tests {
     #[test]
     fn messages_survive_the_wire_format() {
         let message = JointState {
-            header: Header {
-                stamp: RosTime::from_seconds(1.25),
-                frame_id: "base".into(),
-            },
+            header: Header { stamp: RosTime::from_seconds(1.25), frame_id: "base".into() },
             name: vec!["a".into(), "knee".into()],
             position: vec![0.1, -0.2],
             velocity: vec![],
@@ -455,9 +439,7 @@ mod tests {
 
     #[test]
     fn definitions_name_every_type_they_use() {
-        assert!(
-            JointTrajectory::DEFINITION.contains(&format!("{RULE}builtin_interfaces/Duration"))
-        );
+        assert!(JointTrajectory::DEFINITION.contains(&format!("{RULE}builtin_interfaces/Duration")));
         assert!(Imu::DEFINITION.contains(&format!("{RULE}geometry_msgs/Quaternion")));
     }
 }

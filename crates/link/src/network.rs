@@ -10,9 +10,7 @@ use ros2_client::{Publisher, Subscription};
 use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
-use crate::messages::{
-    Clock, Float64MultiArray, Imu, JointState, RosMessage, Text, UInt64MultiArray, WrenchStamped,
-};
+use crate::messages::{Clock, Float64MultiArray, Imu, JointState, RosMessage, Text, UInt64MultiArray, WrenchStamped};
 use crate::node::{LinkNode, NAP, Topics, drain};
 
 /// What the network does to messages, in both directions.
@@ -52,11 +50,7 @@ trait Carry: Send {
 }
 
 impl<M: RosMessage> Pipe<M> {
-    fn open(
-        from: &mut LinkNode,
-        to: &mut LinkNode,
-        topic: &str,
-    ) -> Result<Box<dyn Carry>, LinkError> {
+    fn open(from: &mut LinkNode, to: &mut LinkNode, topic: &str) -> Result<Box<dyn Carry>, LinkError> {
         Ok(Box::new(Self {
             from: from.subscription(topic)?,
             to: to.publisher(topic)?,
@@ -95,11 +89,7 @@ impl<M: RosMessage> Carry for Pipe<M> {
         if conditions.cut {
             self.under_way.clear();
         }
-        while self
-            .under_way
-            .front()
-            .is_some_and(|(at, _)| *at <= Instant::now())
-        {
+        while self.under_way.front().is_some_and(|(at, _)| *at <= Instant::now()) {
             if let Some((_, message)) = self.under_way.pop_front() {
                 let _ = self.to.publish(message);
             }
@@ -147,11 +137,7 @@ impl BadNetwork {
                 }
             })
             .map_err(|e| LinkError::Network(format!("a network cannot be made: {e}")))?;
-        Ok(Self {
-            conditions,
-            stop,
-            carrier: Some(carrier),
-        })
+        Ok(Self { conditions, stop, carrier: Some(carrier) })
     }
 
     /// Changes the conditions.

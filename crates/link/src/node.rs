@@ -5,13 +5,10 @@ use std::net::IpAddr;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ros2_client::dds::rustdds::{
-    DomainParticipant, DomainParticipantBuilder, QosPolicies, RTPSEntity,
-};
+use ros2_client::dds::rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, RTPSEntity};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
-    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
-    QosProfile, Subscription,
+    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Subscription,
 };
 use stridemap_robot::Ros2Config;
 
@@ -84,9 +81,7 @@ impl LinkNode {
         })?;
         let context = Context::from_domain_participant(participant.clone()).map_err(network)?;
         let name = NodeName::new("/", name).map_err(network)?;
-        let mut node = context
-            .new_node(name, NodeOptions::new())
-            .map_err(network)?;
+        let mut node = context.new_node(name, NodeOptions::new()).map_err(network)?;
         let spinner = node.spinner().map_err(network)?;
         let spinner = std::thread::Builder::new()
             .name("ros2-spinner".into())
@@ -95,11 +90,7 @@ impl LinkNode {
                 let _ = futures::executor::block_on(spinner.spin());
             })
             .map_err(network)?;
-        Ok(Self {
-            node,
-            participant,
-            spinner: Some(spinner),
-        })
+        Ok(Self { node, participant, spinner: Some(spinner) })
     }
 
     fn topic<M: RosMessage>(
@@ -113,9 +104,7 @@ impl LinkNode {
             problem: format!("{e:?}"),
         })?;
         let (package, kind) = M::TYPE;
-        self.node
-            .create_topic(&parsed, MessageTypeName::new(package, kind), quality)
-            .map_err(network)
+        self.node.create_topic(&parsed, MessageTypeName::new(package, kind), quality).map_err(network)
     }
 
     pub fn publisher<M: RosMessage>(&mut self, name: &str) -> Result<Publisher<M>, LinkError> {
@@ -123,10 +112,7 @@ impl LinkNode {
         self.node.create_publisher(&topic, None).map_err(network)
     }
 
-    pub fn subscription<M: RosMessage>(
-        &mut self,
-        name: &str,
-    ) -> Result<Subscription<M>, LinkError> {
+    pub fn subscription<M: RosMessage>(&mut self, name: &str) -> Result<Subscription<M>, LinkError> {
         let topic = self.topic::<M>(name, &newest(8))?;
         self.node.create_subscription(&topic, None).map_err(network)
     }
@@ -150,16 +136,10 @@ impl LinkNode {
             let found = &offer.type_name;
             return format!("; {topic} is offered as {found}, not as {wanted}");
         }
-        let misfit = offer
-            .qos()
-            .compliance_failure_wrt(&QosPolicies::from(sensed()));
-        misfit
-            .filter(|_| matched == 0)
-            .map_or_else(String::new, |policy| {
-                format!(
-                    "; the quality of service in which {topic} is offered does not fit: {policy:?}"
-                )
-            })
+        let misfit = offer.qos().compliance_failure_wrt(&QosPolicies::from(sensed()));
+        misfit.filter(|_| matched == 0).map_or_else(String::new, |policy| {
+            format!("; the quality of service in which {topic} is offered does not fit: {policy:?}")
+        })
     }
 
     /// What keeps somebody who asks for a topic from hearing this end, in words.
@@ -170,9 +150,7 @@ impl LinkNode {
         let readers = self.participant.discovered_readers();
         let asked = readers.iter().map(|r| &r.subscription_topic_data);
         let own = self.participant.guid().prefix;
-        let mut asked = asked.filter(|r| {
-            ros_name(r.topic_name()).as_deref() == Some(topic) && r.key().prefix != own
-        });
+        let mut asked = asked.filter(|r| ros_name(r.topic_name()).as_deref() == Some(topic) && r.key().prefix != own);
         let Some(reader) = asked.next() else {
             return format!("; nobody subscribes to {topic}");
         };
@@ -192,12 +170,7 @@ impl LinkNode {
     /// The topics that others publish and that the configuration does not name, in words.
     pub fn others(&self, config: &Ros2Config) -> String {
         const MOST: usize = 12;
-        let known = [
-            &config.joint_states,
-            &config.imu,
-            &config.left_foot,
-            &config.right_foot,
-        ];
+        let known = [&config.joint_states, &config.imu, &config.left_foot, &config.right_foot];
         let own = self.participant.guid().prefix;
         let writers = self.participant.discovered_writers();
         let topics: BTreeSet<String> = writers
@@ -229,10 +202,7 @@ impl Drop for LinkNode {
 }
 
 /// Every message that has arrived, oldest first; what cannot be read is passed over and counted.
-pub(crate) fn drain<M: RosMessage>(
-    subscription: &Subscription<M>,
-    unreadable: &mut u64,
-) -> Vec<(M, MessageInfo)> {
+pub(crate) fn drain<M: RosMessage>(subscription: &Subscription<M>, unreadable: &mut u64) -> Vec<(M, MessageInfo)> {
     const MOST: usize = 256;
     let mut messages = Vec::new();
     for _ in 0..MOST {

@@ -26,19 +26,12 @@ pub(crate) struct Readings {
 }
 
 impl Readings {
-    pub fn open(
-        node: &mut LinkNode,
-        config: &Ros2Config,
-        mut assembler: Assembler,
-    ) -> Result<Self, LinkError> {
+    pub fn open(node: &mut LinkNode, config: &Ros2Config, mut assembler: Assembler) -> Result<Self, LinkError> {
         assembler.begin_anew();
         Ok(Self {
             states: node.sensor(&config.joint_states)?,
             imu: node.sensor(&config.imu)?,
-            feet: [
-                node.sensor(&config.left_foot)?,
-                node.sensor(&config.right_foot)?,
-            ],
+            feet: [node.sensor(&config.left_foot)?, node.sensor(&config.right_foot)?],
             status: node.subscription(Topics::STATUS)?,
             assembler,
             newest_status: None,
@@ -71,22 +64,10 @@ impl Readings {
         let here = node.node();
         let [left, right] = &self.feet;
         [
-            (
-                &config.joint_states,
-                JointState::TYPE,
-                self.states.get_publisher_count(here),
-            ),
+            (&config.joint_states, JointState::TYPE, self.states.get_publisher_count(here)),
             (&config.imu, Imu::TYPE, self.imu.get_publisher_count(here)),
-            (
-                &config.left_foot,
-                WrenchStamped::TYPE,
-                left.get_publisher_count(here),
-            ),
-            (
-                &config.right_foot,
-                WrenchStamped::TYPE,
-                right.get_publisher_count(here),
-            ),
+            (&config.left_foot, WrenchStamped::TYPE, left.get_publisher_count(here)),
+            (&config.right_foot, WrenchStamped::TYPE, right.get_publisher_count(here)),
         ]
         .map(|(topic, kind, matched)| node.offer(topic, kind, matched))
         .concat()

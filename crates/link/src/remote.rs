@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use ros2_client::{Publisher, Subscription};
 use serde::Serialize;
 use stridemap_robot::{
-    BaseState, JointLimits, Machine, MachineDescription, RobotError, Ros2Config, SensorFrame,
-    check_command, hold_to_limits,
+    BaseState, JointLimits, Machine, MachineDescription, RobotError, Ros2Config, SensorFrame, check_command,
+    hold_to_limits,
 };
 
 use crate::assemble::{self, Assembler};
@@ -215,18 +215,12 @@ impl RemoteMachine {
     fn fault(&mut self, what: impl Into<String>) -> RobotError {
         let what = what.into();
         self.trouble = Some(what.clone());
-        RobotError::Link {
-            time_s: self.frame.time_s,
-            what,
-        }
+        RobotError::Link { time_s: self.frame.time_s, what }
     }
 
     /// Presses the emergency stop if this end was told to.
     fn obey_halt(&mut self) -> Result<(), RobotError> {
-        let asked = self
-            .halt
-            .as_ref()
-            .is_some_and(|h| h.load(Ordering::Relaxed));
+        let asked = self.halt.as_ref().is_some_and(|h| h.load(Ordering::Relaxed));
         if !asked {
             return Ok(());
         }
@@ -234,9 +228,7 @@ impl RemoteMachine {
         // A robot that does not tell its status cannot confirm, and one that was never commanded from here need not;
         // one that does may not know of this writer.
         let told = self.counts.commands > 0 && self.readings.status_is_told(&self.node);
-        let stopped = self.press_stop(&reason)
-            || !told
-            || matches!(send_stop(&self.config, &reason, false), Ok(true));
+        let stopped = self.press_stop(&reason) || !told || matches!(send_stop(&self.config, &reason, false), Ok(true));
         if !stopped {
             reason += "; THE ROBOT HAS NOT SAID THAT IT STOPPED";
         }
@@ -248,9 +240,7 @@ impl RemoteMachine {
     fn press_stop(&mut self, reason: &str) -> bool {
         let began = Instant::now();
         while began.elapsed() < STOPPED {
-            let _ = self.stop.publish(Text {
-                data: reason.to_owned(),
-            });
+            let _ = self.stop.publish(Text { data: reason.to_owned() });
             std::thread::sleep(STOP_PERIOD);
             // Nothing but the status counts now.
             let _ = self.readings.gather(&mut self.counts);
@@ -344,14 +334,12 @@ impl RemoteMachine {
         self.counts.commands += 1;
         let stamp = self.readings.last_stamp_ns().unwrap_or(0);
         // What cannot be sent is missed by the robot, whose own guard then holds.
-        let _ = self.commands.publish(Float64MultiArray {
-            data: self.readings.wiring().write(&next),
-            ..Float64MultiArray::default()
-        });
-        let _ = self.heartbeat.publish(UInt64MultiArray {
-            data: vec![self.sequence, stamp],
-            ..UInt64MultiArray::default()
-        });
+        let _ = self
+            .commands
+            .publish(Float64MultiArray { data: self.readings.wiring().write(&next), ..Float64MultiArray::default() });
+        let _ = self
+            .heartbeat
+            .publish(UInt64MultiArray { data: vec![self.sequence, stamp], ..UInt64MultiArray::default() });
         self.sent = Some(next);
         self.sent_at = Some(Instant::now());
     }
@@ -391,9 +379,7 @@ impl RemoteMachine {
                 "no robot was heard (is it switched on; are domain, interface and topics right?)"
             }
             (false, _) => "no whole reading was heard",
-            (true, 0) => {
-                "the robot speaks, but nobody listens to the commands (topic, type or quality of service?)"
-            }
+            (true, 0) => "the robot speaks, but nobody listens to the commands (topic, type or quality of service?)",
             (true, _) => {
                 "the robot speaks, but does not set itself up (a robot that is set up by hand: \
                  link.sets_itself_up = false)"
@@ -490,10 +476,7 @@ impl RemoteMachine {
     }
 
     fn tilt_deg(&self) -> f64 {
-        let base = BaseState {
-            orientation: self.frame.orientation,
-            ..BaseState::default()
-        };
+        let base = BaseState { orientation: self.frame.orientation, ..BaseState::default() };
         base.tilt_rad().to_degrees()
     }
 
@@ -506,9 +489,7 @@ impl RemoteMachine {
         let rates = self.frame.joints.iter().map(|j| j.velocity_rad_s.abs());
         let fastest = rates.fold(0.0, f64::max);
         if fastest > self.config.still_rad_s {
-            return Err(self.fault(format!(
-                "the robot is not still: a joint turns at {fastest:.2} rad/s"
-            )));
+            return Err(self.fault(format!("the robot is not still: a joint turns at {fastest:.2} rad/s")));
         }
         Ok(())
     }
@@ -593,11 +574,7 @@ impl Machine for RemoteMachine {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        command_rad: &[f64],
-        _rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError> {
+    fn reset(&mut self, command_rad: &[f64], _rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError> {
         check_command(command_rad, &self.description.joint_names)?;
         let tilt = self.tilt_deg();
         let mut why = match (self.trouble.take(), self.readings.last_stamp_ns()) {
@@ -617,10 +594,7 @@ impl Machine for RemoteMachine {
             match self.start(command_rad) {
                 Ok(()) => break,
                 Err(error) => {
-                    let mendable = matches!(
-                        error,
-                        RobotError::Link { .. } | RobotError::EmergencyStop { .. }
-                    );
+                    let mendable = matches!(error, RobotError::Link { .. } | RobotError::EmergencyStop { .. });
                     if !(mendable && self.operator.can_mend()) {
                         return Err(error);
                     }
@@ -652,9 +626,7 @@ impl Machine for RemoteMachine {
             return Err(self.fault(gap));
         }
         let told = self.sent.clone().unwrap_or_default();
-        let stuck = self
-            .watch
-            .joint_stuck(self.frame.time_s, &told, &self.frame.joints);
+        let stuck = self.watch.joint_stuck(self.frame.time_s, &told, &self.frame.joints);
         if let Some(joint) = stuck {
             let names = &self.description.joint_names;
             let name = names.get(joint).cloned().unwrap_or_default();

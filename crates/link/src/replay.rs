@@ -39,17 +39,9 @@ impl ReplayMachine {
         limits: Vec<JointLimits>,
         period_s: f64,
     ) -> Self {
-        let repeated = Repeated {
-            left: episodes.len(),
-            ..Repeated::default()
-        };
+        let repeated = Repeated { left: episodes.len(), ..Repeated::default() };
         Self {
-            description: MachineDescription {
-                name: "log".into(),
-                joint_names,
-                control_period_s: period_s,
-                limits,
-            },
+            description: MachineDescription { name: "log".into(), joint_names, control_period_s: period_s, limits },
             episodes: episodes.into_iter(),
             episode: LoggedEpisode::default(),
             next: 0,
@@ -68,12 +60,7 @@ impl ReplayMachine {
         let end = self.episode.end.as_str();
         RobotError::Link {
             time_s: self.frame.time_s,
-            what: if end.is_empty() {
-                "the log ends here"
-            } else {
-                end
-            }
-            .into(),
+            what: if end.is_empty() { "the log ends here" } else { end }.into(),
         }
     }
 }
@@ -83,11 +70,7 @@ impl Machine for ReplayMachine {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        _command_rad: &[f64],
-        _rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError> {
+    fn reset(&mut self, _command_rad: &[f64], _rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError> {
         self.frame = SensorFrame::default();
         self.episode = self.episodes.next().unwrap_or_default();
         self.next = 0;
@@ -128,14 +111,7 @@ mod tests {
         let k = k as f64;
         SensorFrame {
             time_s: 8e6 * k / 1e9,
-            joints: vec![
-                JointReading {
-                    position_rad: 0.1 * k,
-                    velocity_rad_s: -k,
-                    torque_nm: 0.3,
-                };
-                2
-            ],
+            joints: vec![JointReading { position_rad: 0.1 * k, velocity_rad_s: -k, torque_nm: 0.3 }; 2],
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity_rad_s: [0.1, 0.2, k],
             loads_n: [k, 30.0 - k],
@@ -166,17 +142,11 @@ mod tests {
         }
         let read = |path: &Path| read_log(path, &link, names.clone(), Vec::new(), 0.008);
         let (episodes, report) = read(&path).unwrap();
-        assert_eq!(
-            (report.readings, report.missed, report.notes.len()),
-            (10, 0, 0)
-        );
+        assert_eq!((report.readings, report.missed, report.notes.len()), (10, 0, 0));
         assert_eq!(episodes.len(), 2);
         for (index, episode) in episodes.iter().enumerate() {
             assert_eq!(episode.frames, (0..5).map(frame).collect::<Vec<_>>());
-            let asked = LoggedAction {
-                time_s: 0.016,
-                action: vec![index as f64],
-            };
+            let asked = LoggedAction { time_s: 0.016, action: vec![index as f64] };
             assert_eq!(episode.actions, [asked]);
         }
         let mut machine = ReplayMachine::new(episodes, names.clone(), Vec::new(), 0.008);

@@ -12,8 +12,8 @@ use stridemap_robot::{Machine, Ros2Config};
 use crate::error::LinkError;
 use crate::guard::{Act, CommandGuard, GuardBounds, Refusals};
 use crate::messages::{
-    Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, Text,
-    UInt64MultiArray, WrenchStamped, to_messages,
+    Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, Text, UInt64MultiArray, WrenchStamped,
+    to_messages,
 };
 use crate::node::{LinkNode, NAP, Topics, drain, writer_of};
 use crate::trajectory::Trajectory;
@@ -54,9 +54,7 @@ impl Serve {
         }
         let period = Duration::try_from_secs_f64(period_s / self.realtime_factor);
         match period {
-            Ok(period) if period.as_secs_f64() <= LONGEST_S && !period.is_zero() => {
-                Ok(Some(period))
-            }
+            Ok(period) if period.as_secs_f64() <= LONGEST_S && !period.is_zero() => Ok(Some(period)),
             _ => Err(refused(
                 "realtime_factor",
                 self.realtime_factor,
@@ -156,10 +154,7 @@ pub fn serve<M: Machine>(
         clock: node.publisher(&link.clock)?,
         joints: node.publisher(&link.joint_states)?,
         imu: node.publisher(&link.imu)?,
-        feet: [
-            node.publisher(&link.left_foot)?,
-            node.publisher(&link.right_foot)?,
-        ],
+        feet: [node.publisher(&link.left_foot)?, node.publisher(&link.right_foot)?],
         status: node.publisher(Topics::STATUS)?,
     };
     let input = In {
@@ -218,9 +213,7 @@ pub fn serve<M: Machine>(
             continue;
         }
         act = server.guard.act(now_s, period_s, &machine.frame().joints);
-        let lies = machine
-            .true_state()
-            .is_some_and(|s| s.base.tilt_rad().cos() < LIES_COS);
+        let lies = machine.true_state().is_some_and(|s| s.base.tilt_rad().cos() < LIES_COS);
         if !lies {
             let command = match &act {
                 Act::Follow(command) | Act::Hold(command) => command.clone(),
@@ -238,10 +231,7 @@ pub fn serve<M: Machine>(
     answers.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * answers.len() as f64) as usize;
-        answers
-            .get(index.min(answers.len().saturating_sub(1)))
-            .copied()
-            .unwrap_or(0.0)
+        answers.get(index.min(answers.len().saturating_sub(1))).copied().unwrap_or(0.0)
     };
     server.report.round_trip_p50_ms = at(0.5);
     server.report.round_trip_p99_ms = at(0.99);
@@ -269,10 +259,7 @@ impl Server {
     /// Publishes the newest reading.
     fn tell<M: Machine>(&mut self, now_ns: u64, machine: &M, act: &Act) {
         let stamp = RosTime::from_nanoseconds(now_ns);
-        let header = Header {
-            stamp,
-            frame_id: "base".into(),
-        };
+        let header = Header { stamp, frame_id: "base".into() };
         let (joints, imu, feet) = to_messages(machine.frame(), &self.names, &header);
         // A reader that is slow or gone must not stop the robot: what cannot be sent is dropped.
         let _ = self.out.clock.publish(Clock { clock: stamp });
@@ -368,11 +355,7 @@ impl Server {
             self.listen(now_s);
             let writer = self.guard.has_writer(now_s);
             let waits = writer && self.pending == 0 && self.guard.stopped().is_none();
-            let patience = if waits {
-                LOCK_STEP_WAIT
-            } else {
-                Duration::from_secs_f64(self.period_s)
-            };
+            let patience = if waits { LOCK_STEP_WAIT } else { Duration::from_secs_f64(self.period_s) };
             let answered = self.is_answered(now_ns, told);
             let over = told.elapsed() >= patience;
             if answered || over {

@@ -28,15 +28,10 @@ pub fn send_stop(link: &Ros2Config, reason: &str, rearm: bool) -> Result<bool, L
     let statuses = node.subscription::<Text>(Topics::STATUS)?;
     let deadline = Instant::now() + Duration::from_secs_f64(link.connect_s);
     while Instant::now() < deadline {
-        let _ = publisher.publish(Text {
-            data: reason.to_owned(),
-        });
+        let _ = publisher.publish(Text { data: reason.to_owned() });
         std::thread::sleep(STOP_PERIOD);
         let heard = drain(&statuses, &mut 0);
-        let newest = heard
-            .iter()
-            .rev()
-            .find_map(|(m, _)| serde_json::from_str::<Status>(&m.data).ok());
+        let newest = heard.iter().rev().find_map(|(m, _)| serde_json::from_str::<Status>(&m.data).ok());
         if newest.is_some_and(|s| s.stopped.is_some() != rearm) {
             return Ok(true);
         }

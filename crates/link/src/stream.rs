@@ -149,8 +149,7 @@ impl<T: PartialEq> Stream<T> {
         let before = self.parts.range(..=stamp).next_back();
         let after = self.parts.range(stamp..).next();
         let both = before.into_iter().chain(after);
-        both.map(|(at, _)| (*at, at.abs_diff(stamp)))
-            .min_by_key(|(_, apart)| *apart)
+        both.map(|(at, _)| (*at, at.abs_diff(stamp))).min_by_key(|(_, apart)| *apart)
     }
 
     /// The partner of a joint state, and whether no nearer one can come.
@@ -180,18 +179,15 @@ impl<T: PartialEq> Stream<T> {
 
     /// What was heard here: count, rate, and, of a sensor that was never paired, how far its stamps are off.
     pub fn tally(&self) -> String {
-        let span_s = self
-            .newest_ns
-            .map_or(0.0, |newest| seconds(newest.saturating_sub(self.oldest_ns)));
+        let span_s = self.newest_ns.map_or(0.0, |newest| seconds(newest.saturating_sub(self.oldest_ns)));
         let rate = match (self.heard, span_s > 0.0) {
             (0 | 1, _) => String::new(),
             (_, false) => ", all with one stamp".into(),
             (n, true) => format!(", {:.1} a second", (n - 1) as f64 / span_s),
         };
         let apart = self.apart_ns.filter(|_| !self.paired).map(seconds);
-        let apart = apart.map_or_else(String::new, |s| {
-            format!(", stamps never nearer than {s:.4} s to the joint states'")
-        });
+        let apart =
+            apart.map_or_else(String::new, |s| format!(", stamps never nearer than {s:.4} s to the joint states'"));
         format!("{} {}{rate}{apart}", self.topic, self.heard)
     }
 }

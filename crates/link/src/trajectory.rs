@@ -85,11 +85,7 @@ impl Trajectory {
                 (*t, point.get(j).copied().flatten().unwrap_or(from))
             };
             match next {
-                None => self
-                    .points
-                    .len()
-                    .checked_sub(1)
-                    .map_or(from, |k| angle(k).1),
+                None => self.points.len().checked_sub(1).map_or(from, |k| angle(k).1),
                 Some(k) => {
                     let (t0, a0) = if k == 0 { (0.0, from) } else { angle(k - 1) };
                     let (t1, a1) = angle(k);
@@ -97,11 +93,7 @@ impl Trajectory {
                 }
             }
         };
-        from_rad
-            .iter()
-            .enumerate()
-            .map(|(j, from)| joint(j, *from))
-            .collect()
+        from_rad.iter().enumerate().map(|(j, from)| joint(j, *from)).collect()
     }
 }
 
@@ -121,18 +113,9 @@ mod tests {
         for (points, fault) in [
             (vec![], TrajectoryFault::WrongLength),
             (vec![(0.0, [None, None])], TrajectoryFault::WrongLength),
-            (
-                vec![(0.0, [Some(0.1), None]), (1.0, [None, Some(0.1)])],
-                TrajectoryFault::WrongLength,
-            ),
-            (
-                vec![(0.0, [Some(f64::NAN), None])],
-                TrajectoryFault::NotFinite,
-            ),
-            (
-                vec![(1.0, [Some(0.1), None]), (1.0, [Some(0.1), None])],
-                TrajectoryFault::Times,
-            ),
+            (vec![(0.0, [Some(0.1), None]), (1.0, [None, Some(0.1)])], TrajectoryFault::WrongLength),
+            (vec![(0.0, [Some(f64::NAN), None])], TrajectoryFault::NotFinite),
+            (vec![(1.0, [Some(0.1), None]), (1.0, [Some(0.1), None])], TrajectoryFault::Times),
             (vec![(-1.0, [Some(0.1), None])], TrajectoryFault::Times),
             (vec![(99.0, [Some(0.1), None])], TrajectoryFault::Times),
         ] {

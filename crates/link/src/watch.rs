@@ -41,9 +41,11 @@ impl Watch {
             return None;
         }
         let width = |range: &[f64; 2]| range[1] - range[0];
-        let stuck = self.told.iter().zip(&self.seen).position(|(told, seen)| {
-            width(told) > Self::TOLD_RAD && width(seen) < Self::SHARE * width(told)
-        });
+        let stuck = self
+            .told
+            .iter()
+            .zip(&self.seen)
+            .position(|(told, seen)| width(told) > Self::TOLD_RAD && width(seen) < Self::SHARE * width(told));
         self.told.clear();
         stuck
     }
@@ -61,16 +63,9 @@ mod tests {
         while found.is_none() && k < 1000 {
             let now_s = 0.008 * f64::from(k);
             let told = 0.1 * (6.0 * now_s).sin();
-            let joint = |position_rad| JointState {
-                position_rad,
-                ..JointState::default()
-            };
+            let joint = |position_rad| JointState { position_rad, ..JointState::default() };
             // The second sticks from the first second on.
-            let stuck = if now_s < 1.0 {
-                told
-            } else {
-                0.1 * 6.0_f64.sin()
-            };
+            let stuck = if now_s < 1.0 { told } else { 0.1 * 6.0_f64.sin() };
             found = watch.joint_stuck(now_s, &[told; 2], &[joint(told), joint(stuck)]);
             k += 1;
         }

@@ -31,10 +31,7 @@ pub(crate) struct Wiring {
 }
 
 fn mismatch(joint: &str, why: &'static str) -> RobotError {
-    RobotError::JointMap {
-        joint: joint.to_owned(),
-        why,
-    }
+    RobotError::JointMap { joint: joint.to_owned(), why }
 }
 
 impl Wiring {
@@ -45,24 +42,18 @@ impl Wiring {
     /// [`LinkError::Config`] if the configuration names a joint that the machine does not have.
     pub fn new(config: &Ros2Config, names: Vec<String>) -> Result<Self, LinkError> {
         let place = |field: &'static str, joint: &String| {
-            names
-                .iter()
-                .position(|n| n == joint)
-                .ok_or_else(|| LinkError::Config {
-                    field,
-                    value: joint.clone(),
-                    problem: format!("is not a joint of the robot; its joints are {names:?}"),
-                })
+            names.iter().position(|n| n == joint).ok_or_else(|| LinkError::Config {
+                field,
+                value: joint.clone(),
+                problem: format!("is not a joint of the robot; its joints are {names:?}"),
+            })
         };
         let mut offset_rad = vec![0.0; names.len()];
         for (joint, degrees) in &config.offset_deg {
             offset_rad[place("offset_deg", joint)?] = degrees.to_radians();
         }
-        let commanded = config
-            .command_joints
-            .iter()
-            .map(|joint| place("command_joints", joint))
-            .collect::<Result<Vec<_>, _>>()?;
+        let commanded =
+            config.command_joints.iter().map(|joint| place("command_joints", joint)).collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
             fixed: !commanded.is_empty(),
             commanded,
@@ -139,10 +130,7 @@ impl Wiring {
         let expected = message.name.len();
         let measured = [&message.velocity, &message.effort];
         let measured = measured.iter().filter(|v| !v.is_empty()).map(|v| v.len());
-        if let Some(found) = std::iter::once(message.position.len())
-            .chain(measured)
-            .find(|found| *found != expected)
-        {
+        if let Some(found) = std::iter::once(message.position.len()).chain(measured).find(|found| *found != expected) {
             return Err(RobotError::CommandLength { expected, found });
         }
         self.find(&message.name)?;
@@ -170,23 +158,15 @@ impl Wiring {
         JointState {
             header,
             name: self.names.clone(),
-            position: told
-                .map(|(j, offset)| (j.position_rad + offset) / self.unit_rad)
-                .collect(),
-            velocity: joints
-                .iter()
-                .map(|j| j.velocity_rad_s / self.unit_rad)
-                .collect(),
+            position: told.map(|(j, offset)| (j.position_rad + offset) / self.unit_rad).collect(),
+            velocity: joints.iter().map(|j| j.velocity_rad_s / self.unit_rad).collect(),
             effort: joints.iter().map(|j| j.torque_nm).collect(),
         }
     }
 
     /// The numbers of a command, in the robot's order; empty before the robot's joints were seen.
     pub fn write(&self, command_rad: &[f64]) -> Vec<f64> {
-        self.commanded
-            .iter()
-            .map(|&joint| (command_rad[joint] + self.offset_rad[joint]) / self.unit_rad)
-            .collect()
+        self.commanded.iter().map(|&joint| (command_rad[joint] + self.offset_rad[joint]) / self.unit_rad).collect()
     }
 }
 
@@ -199,11 +179,7 @@ mod tests {
     }
 
     fn state(joints: &[&str], position: &[f64]) -> JointState {
-        JointState {
-            name: names(joints),
-            position: position.to_vec(),
-            ..JointState::default()
-        }
+        JointState { name: names(joints), position: position.to_vec(), ..JointState::default() }
     }
 
     fn read(wiring: &mut Wiring, message: &JointState) -> Vec<f64> {
@@ -213,16 +189,10 @@ mod tests {
 
     #[test]
     fn another_order_on_the_wire_is_the_same_joints() {
-        let config = Ros2Config {
-            offset_deg: [("b".to_owned(), 90.0)].into(),
-            ..Ros2Config::default()
-        };
+        let config = Ros2Config { offset_deg: [("b".to_owned(), 90.0)].into(), ..Ros2Config::default() };
         let mut wiring = Wiring::new(&config, names(&["a", "b", "c"])).unwrap();
         let right = std::f64::consts::FRAC_PI_2;
-        let angles = read(
-            &mut wiring,
-            &state(&["c", "a", "b"], &[0.3, 0.1, 0.2 + right]),
-        );
+        let angles = read(&mut wiring, &state(&["c", "a", "b"], &[0.3, 0.1, 0.2 + right]));
         assert!((angles[0] - 0.1).abs() < 1e-15 && (angles[1] - 0.2).abs() < 1e-15);
         let sent = wiring.write(&angles);
         assert!((sent[0] - 0.3).abs() < 1e-15, "c comes first");
@@ -231,11 +201,8 @@ mod tests {
 
     #[test]
     fn degrees_and_a_controller_of_some_joints() {
-        let config = Ros2Config {
-            angle_unit: AngleUnit::Deg,
-            command_joints: names(&["c", "a"]),
-            ..Ros2Config::default()
-        };
+        let config =
+            Ros2Config { angle_unit: AngleUnit::Deg, command_joints: names(&["c", "a"]), ..Ros2Config::default() };
         let mut wiring = Wiring::new(&config, names(&["a", "b", "c"])).unwrap();
         let message = state(&["neck", "a", "b", "c"], &[1.0, 180.0, 0.0, 90.0]);
         let angles = read(&mut wiring, &message);
@@ -247,27 +214,14 @@ mod tests {
     #[test]
     fn a_robot_with_other_joints_is_refused_by_name() {
         let mut wiring = Wiring::new(&Ros2Config::default(), names(&["a", "b"])).unwrap();
-        for (joints, culprit) in [
-            (&["a", "x"][..], "b"),
-            (&["a", "b", "neck"], "neck"),
-            (&["a", "b", "b"], "b"),
-        ] {
+        for (joints, culprit) in [(&["a", "x"][..], "b"), (&["a", "b", "neck"], "neck"), (&["a", "b", "b"], "b")] {
             let error = wiring.read(&state(joints, &[0.0; 3][..joints.len()]));
-            assert!(
-                matches!(&error, Err(RobotError::JointMap { joint, .. }) if joint == culprit),
-                "{error:?}"
-            );
+            assert!(matches!(&error, Err(RobotError::JointMap { joint, .. }) if joint == culprit), "{error:?}");
         }
         let short = wiring.read(&state(&["a", "b"], &[0.0]));
         assert!(matches!(short, Err(RobotError::CommandLength { .. })));
-        let config = Ros2Config {
-            offset_deg: [("elbow".to_owned(), 1.0)].into(),
-            ..Ros2Config::default()
-        };
+        let config = Ros2Config { offset_deg: [("elbow".to_owned(), 1.0)].into(), ..Ros2Config::default() };
         let error = Wiring::new(&config, names(&["a"])).unwrap_err().to_string();
-        assert!(
-            error.contains("elbow") && error.contains("offset_deg"),
-            "{error}"
-        );
+        assert!(error.contains("elbow") && error.contains("offset_deg"), "{error}");
     }
 }

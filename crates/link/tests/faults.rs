@@ -5,10 +5,7 @@ use stridemap_robot::Ros2Config;
 
 #[test]
 fn every_fault_is_met() {
-    let link = Ros2Config {
-        domain: 100,
-        ..Ros2Config::default()
-    };
+    let link = Ros2Config { domain: 100, ..Ros2Config::default() };
     let mut rows = Vec::new();
     fault_table(&link, &mut |row| rows.push(row));
     let bad: Vec<_> = rows.iter().filter(|row| !row.ok).collect();

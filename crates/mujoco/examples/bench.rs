@@ -25,10 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = MujocoConfig::default();
     let mut robot = MujocoRobot::new(config.clone())?;
     let rest = robot.description().rest();
-    println!(
-        "{:<10} {:>16} {:>16} {:>7}",
-        "", "bare us/mj_step", "full us/mj_step", "ratio"
-    );
+    println!("{:<10} {:>16} {:>16} {:>7}", "", "bare us/mj_step", "full us/mj_step", "ratio");
     row("standing", &mut robot, &rest, &vec![rest.clone(); PERIODS])?;
     let stepping = record(&mut robot, &rest, config.control_period_s)?;
     row("stepping", &mut robot, &rest, &stepping)?;
@@ -44,11 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The commands of the gait over the length of a measurement.
-fn record(
-    robot: &mut MujocoRobot,
-    rest: &JointTargets,
-    period_s: f64,
-) -> Result<Vec<JointTargets>, Box<dyn Error>> {
+fn record(robot: &mut MujocoRobot, rest: &JointTargets, period_s: f64) -> Result<Vec<JointTargets>, Box<dyn Error>> {
     let mut gait = gait::Gait::new();
     robot.reset(rest, &mut ChaCha8Rng::seed_from_u64(1))?;
     let mut commands = Vec::with_capacity(PERIODS);
@@ -85,12 +78,7 @@ fn row(
     if height_m < 0.6 {
         return Err(format!("{name}: the robot fell, so this row would time a fall").into());
     }
-    println!(
-        "{name:<10} {:>16.2} {:>16.2} {:>7.3}",
-        median(&mut bare),
-        median(&mut full),
-        median(&mut ratio)
-    );
+    println!("{name:<10} {:>16.2} {:>16.2} {:>7.3}", median(&mut bare), median(&mut full), median(&mut ratio));
     Ok(())
 }
 

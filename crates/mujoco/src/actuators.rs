@@ -39,14 +39,10 @@ pub(crate) fn kind(model: &MjModel, actuator: usize) -> Kind {
     let gain = model.actuator_gainprm()[actuator][0];
     let bias = model.actuator_biasprm()[actuator];
     let why = match dynamics {
-        MjtDyn::mjDYN_INTEGRATOR => {
-            Some("integrates its control, as <intvelocity> does: it takes rates")
-        }
+        MjtDyn::mjDYN_INTEGRATOR => Some("integrates its control, as <intvelocity> does: it takes rates"),
         MjtDyn::mjDYN_MUSCLE => Some("is a muscle: it takes an excitation"),
         MjtDyn::mjDYN_NONE | MjtDyn::mjDYN_FILTER | MjtDyn::mjDYN_FILTEREXACT => None,
-        _ => Some(
-            "has activation dynamics (dyntype) that are neither \"none\", \"filter\" nor \"filterexact\"",
-        ),
+        _ => Some("has activation dynamics (dyntype) that are neither \"none\", \"filter\" nor \"filterexact\""),
     };
     let fixed = gain_type == MjtGain::mjGAIN_FIXED && gain.abs() > 0.0;
     let no_bias = bias_type == MjtBias::mjBIAS_NONE
@@ -54,10 +50,9 @@ pub(crate) fn kind(model: &MjModel, actuator: usize) -> Kind {
     let affine = bias_type == MjtBias::mjBIAS_AFFINE;
     let stateless = dynamics == MjtDyn::mjDYN_NONE;
     match why {
-        None if fixed && affine && bias[1] < 0.0 => Kind::Servo {
-            per_length: -bias[1] / gain,
-            offset: -bias[0] / gain,
-        },
+        None if fixed && affine && bias[1] < 0.0 => {
+            Kind::Servo { per_length: -bias[1] / gain, offset: -bias[0] / gain }
+        }
         None if fixed && no_bias && stateless => Kind::Motor { gain },
         // What follows exerts no force at zero control and activation, whatever it would take otherwise.
         _ if no_bias => Kind::Idle(why.unwrap_or(if fixed {
@@ -66,9 +61,7 @@ pub(crate) fn kind(model: &MjModel, actuator: usize) -> Kind {
             "has a gain that is not fixed, as <damper> and <muscle> have"
         })),
         _ if affine && bias[0].abs() <= 0.0 && bias[1].abs() <= 0.0 => {
-            Kind::Idle(why.unwrap_or(
-                "takes rates, as <velocity> does: its force does not depend on the angle",
-            ))
+            Kind::Idle(why.unwrap_or("takes rates, as <velocity> does: its force does not depend on the angle"))
         }
         _ => Kind::Other(why.unwrap_or("has a force that is not that of a position servo")),
     }
@@ -97,38 +90,26 @@ pub(crate) fn drive(model: &MjModel, joint: usize) -> Result<(Drive, Option<usiz
     };
     let gear = |a: usize| model.actuator_gear()[model.actuator_outadr()[a] as usize][0];
     let usable = |a: &usize| model.actuator_ctrlnum()[*a] == 1 && gear(*a).abs() > 0.0;
-    let mut servos = (on_joint.iter().copied())
-        .filter(|a| usable(a))
-        .filter_map(|a| match kind(model, a) {
-            Kind::Servo { per_length, offset } => Some((a, per_length, offset)),
-            _ => None,
-        });
+    let mut servos = (on_joint.iter().copied()).filter(|a| usable(a)).filter_map(|a| match kind(model, a) {
+        Kind::Servo { per_length, offset } => Some((a, per_length, offset)),
+        _ => None,
+    });
     if let Some((a, per_length, offset)) = servos.next() {
         if let Some((second, ..)) = servos.next() {
             let other = name_of(model, MjtObjBase::mjOBJ_ACTUATOR, second);
-            return Err(refused(
-                a,
-                format!("is one of two position servos on it, with {other:?}"),
-            ));
+            return Err(refused(a, format!("is one of two position servos on it, with {other:?}")));
         }
         let ctrl = model.actuator_ctrladr()[a] as usize;
         let per_rad = per_length * gear(a);
         return Ok((
-            Drive::Servo {
-                ctrl,
-                per_rad,
-                offset,
-                act: usize::try_from(model.actuator_actadr()[a]).ok(),
-            },
+            Drive::Servo { ctrl, per_rad, offset, act: usize::try_from(model.actuator_actadr()[a]).ok() },
             Some(a),
         ));
     }
-    let motor = (on_joint.iter().copied())
-        .filter(|a| usable(a))
-        .find_map(|a| match kind(model, a) {
-            Kind::Motor { gain } => Some((a, gain)),
-            _ => None,
-        });
+    let motor = (on_joint.iter().copied()).filter(|a| usable(a)).find_map(|a| match kind(model, a) {
+        Kind::Motor { gain } => Some((a, gain)),
+        _ => None,
+    });
     match (motor, on_joint.first()) {
         (Some((a, gain)), _) => {
             let ctrl = model.actuator_ctrladr()[a] as usize;
@@ -158,9 +139,7 @@ pub(crate) fn torque_range(model: &MjModel, axis: &Axis) -> Result<f64, MujocoEr
     }
     Err(MujocoError::Actuator {
         joint: name_of(model, MjtObjBase::mjOBJ_JOINT, axis.joint),
-        actuator: axis.actuator.map_or_else(String::new, |a| {
-            name_of(model, MjtObjBase::mjOBJ_ACTUATOR, a)
-        }),
+        actuator: axis.actuator.map_or_else(String::new, |a| name_of(model, MjtObjBase::mjOBJ_ACTUATOR, a)),
         problem: "leaves it no torque in one direction (forcerange, ctrlrange, or the joint's actuatorfrcrange): \
                   a range needs 0 inside"
             .into(),
@@ -208,17 +187,13 @@ pub(crate) fn aside(
             .flat_map(|row| {
                 let at = data.moment_rowadr()[row] as usize;
                 let end = at + data.moment_rownnz()[row] as usize;
-                data.moment_colind()[at..end]
-                    .iter()
-                    .map(|&dof| dof as usize)
+                data.moment_colind()[at..end].iter().map(|&dof| dof as usize)
             })
             .collect();
         if !(dofs.iter()).any(|&dof| bodies.contains(&(model.dof_bodyid()[dof] as usize))) {
             continue;
         }
-        let on_leg = dofs
-            .iter()
-            .any(|dof| axes.iter().any(|axis| axis.of_leg && axis.dof == *dof));
+        let on_leg = dofs.iter().any(|dof| axes.iter().any(|axis| axis.of_leg && axis.dof == *dof));
         let refused = |problem: &str| MujocoError::StrayActuator {
             actuator: name_of(model, MjtObjBase::mjOBJ_ACTUATOR, a),
             problem: problem.into(),
@@ -229,19 +204,15 @@ pub(crate) fn aside(
                     "is a position servo that pulls at a leg joint through something else than that joint",
                 ));
             }
-            Kind::Servo { per_length, offset } if model.actuator_ctrlnum()[a] == 1 => {
-                held.push(Held {
-                    length: out,
-                    ctrl: model.actuator_ctrladr()[a] as usize,
-                    act: usize::try_from(model.actuator_actadr()[a]).ok(),
-                    per_length,
-                    offset,
-                })
-            }
+            Kind::Servo { per_length, offset } if model.actuator_ctrlnum()[a] == 1 => held.push(Held {
+                length: out,
+                ctrl: model.actuator_ctrladr()[a] as usize,
+                act: usize::try_from(model.actuator_actadr()[a]).ok(),
+                per_length,
+                offset,
+            }),
             Kind::Idle(_) if on_leg && own_damping && model.actuator_biasprm()[a][2] < 0.0 => {
-                return Err(refused(
-                    "adds its own damping to a leg joint, beside robot.kv_nms_rad",
-                ));
+                return Err(refused("adds its own damping to a leg joint, beside robot.kv_nms_rad"));
             }
             Kind::Motor { .. } | Kind::Idle(_) => {}
             Kind::Servo { .. } => return Err(refused("is a servo with more than one control")),
@@ -262,14 +233,10 @@ impl MujocoRobot {
                 self.data.ctrl_mut()[held.ctrl] = held.per_length * length + held.offset;
             }
         }
-        let servos = self
-            .binding
-            .axes
-            .iter()
-            .filter_map(|axis| match axis.drive {
-                Drive::Servo { ctrl, act, .. } => Some((ctrl, act?)),
-                _ => None,
-            });
+        let servos = self.binding.axes.iter().filter_map(|axis| match axis.drive {
+            Drive::Servo { ctrl, act, .. } => Some((ctrl, act?)),
+            _ => None,
+        });
         let held = self.held.iter().filter_map(|h| Some((h.ctrl, h.act?)));
         for (ctrl, act) in servos.chain(held).collect::<Vec<_>>() {
             let command = self.data.ctrl()[ctrl];

@@ -80,25 +80,16 @@ impl Binding {
         let mut feet = [0; 2];
         for side in Side::BOTH {
             let name = &config.leg(side).foot;
-            if model.name_to_id(MjtObjBase::mjOBJ_BODY, name).is_none()
-                && *config.leg(side) == LegMap::biped(side)
-            {
+            if model.name_to_id(MjtObjBase::mjOBJ_BODY, name).is_none() && *config.leg(side) == LegMap::biped(side) {
                 return Err(not_mapped(model, config, side));
             }
-            feet[side.index()] =
-                model
-                    .name_to_id(MjtObjBase::mjOBJ_BODY, name)
-                    .ok_or_else(|| {
-                        let field = format!("{}.foot", side.name());
-                        let names = (0..model.nbody() as usize)
-                            .filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_BODY, id));
-                        no_such_name(field, "body", name, names)
-                    })?;
+            feet[side.index()] = model.name_to_id(MjtObjBase::mjOBJ_BODY, name).ok_or_else(|| {
+                let field = format!("{}.foot", side.name());
+                let names = (0..model.nbody() as usize).filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_BODY, id));
+                no_such_name(field, "body", name, names)
+            })?;
         }
-        let not_a_biped = |reason: String| MujocoError::NotABiped {
-            model: config.model.to_string(),
-            reason,
-        };
+        let not_a_biped = |reason: String| MujocoError::NotABiped { model: config.model.to_string(), reason };
         if let Some(problem) = world::problem(model) {
             return Err(not_a_biped(problem));
         }
@@ -115,9 +106,7 @@ impl Binding {
                 ))
             })?;
         if model.body_rootid()[feet[1]] as usize != torso || feet[0] == feet[1] {
-            return Err(not_a_biped(
-                "left.foot and right.foot must be two bodies of one robot".into(),
-            ));
+            return Err(not_a_biped("left.foot and right.foot must be two bodies of one robot".into()));
         }
         let named = leg_joints(model, config)?;
         let axes = axes(model, config, torso, &named)?;
@@ -126,14 +115,10 @@ impl Binding {
             let joint = axes.iter().position(|axis| axis.joint == id)?;
             Some(LegRole { joint, sign })
         });
-        let foot_of_geom = (0..model.ngeom() as usize)
-            .map(|geom| foot_of(model, model.geom_bodyid()[geom] as usize, feet))
-            .collect();
+        let foot_of_geom =
+            (0..model.ngeom() as usize).map(|geom| foot_of(model, model.geom_bodyid()[geom] as usize, feet)).collect();
         let is_floor: Vec<bool> = (0..model.ngeom() as usize)
-            .map(|geom| {
-                model.body_weldid()[model.geom_bodyid()[geom] as usize] == 0
-                    && collides(model, geom)
-            })
+            .map(|geom| model.body_weldid()[model.geom_bodyid()[geom] as usize] == 0 && collides(model, geom))
             .collect();
         Ok(Self {
             axes,
@@ -149,9 +134,7 @@ impl Binding {
 
     /// Geoms of the feet and of the floor.
     pub(crate) fn contact_geoms(&self) -> Vec<usize> {
-        (0..self.is_floor.len())
-            .filter(|&geom| self.is_floor[geom] || self.foot_of_geom[geom].is_some())
-            .collect()
+        (0..self.is_floor.len()).filter(|&geom| self.is_floor[geom] || self.foot_of_geom[geom].is_some()).collect()
     }
 
     /// Position actuators of the legs.
@@ -184,10 +167,7 @@ fn not_mapped(model: &MjModel, config: &MujocoConfig, side: Side) -> MujocoError
 }
 
 /// The model's joint for each leg joint that the configuration names, and its sign.
-fn leg_joints(
-    model: &MjModel,
-    config: &MujocoConfig,
-) -> Result<Legs<Option<(usize, f64)>>, MujocoError> {
+fn leg_joints(model: &MjModel, config: &MujocoConfig) -> Result<Legs<Option<(usize, f64)>>, MujocoError> {
     let mut named: Legs<Option<(usize, f64)>> = Legs::default();
     let place = |side: Side, joint: LegJoint| format!("{}.{}", side.name(), joint.name());
     for side in Side::BOTH {
@@ -205,11 +185,7 @@ fn leg_joints(
             }
             let same = |at: &Option<(usize, f64)>| at.is_some_and(|(taken, _)| taken == id);
             if let Some((s, j, _)) = named.iter().find(|(.., at)| same(at)) {
-                return Err(MujocoError::NamedTwice {
-                    first: place(s, j),
-                    second: field,
-                    name: name.into(),
-                });
+                return Err(MujocoError::NamedTwice { first: place(s, j), second: field, name: name.into() });
             }
             named[(side, joint)] = Some((id, sign));
         }
@@ -230,8 +206,7 @@ fn axes(
         let kind = model.jnt_type()[id];
         let hinge = kind == MjtJoint::mjJNT_HINGE;
         let mut roles = named.iter();
-        let role =
-            roles.find_map(|(_, joint, at)| at.filter(|at| at.0 == id).map(|at| (joint, at.1)));
+        let role = roles.find_map(|(_, joint, at)| at.filter(|at| at.0 == id).map(|at| (joint, at.1)));
         let own = bodies.contains(&(model.jnt_bodyid()[id] as usize));
         let reference = model.qpos0()[model.jnt_qposadr()[id] as usize];
         let rest_rad = match role {
@@ -272,22 +247,12 @@ fn check_rests(
         .filter(|axis| !axis.of_leg && model.jnt_type()[axis.joint] == MjtJoint::mjJNT_HINGE)
         .filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint));
     let legs = named.iter().filter(|(.., at)| at.is_some());
-    let known: Vec<&str> = legs
-        .map(|(_, joint, _)| joint.name())
-        .chain(beyond)
-        .collect();
-    match config
-        .rest_deg
-        .keys()
-        .find(|name| !known.contains(&name.as_str()))
-    {
+    let known: Vec<&str> = legs.map(|(_, joint, _)| joint.name()).chain(beyond).collect();
+    match config.rest_deg.keys().find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),
-        Some(name) => Err(no_such_name(
-            format!("rest_deg.{name:?}"),
-            "leg joint or further hinge",
-            name,
-            known.into_iter(),
-        )),
+        Some(name) => {
+            Err(no_such_name(format!("rest_deg.{name:?}"), "leg joint or further hinge", name, known.into_iter()))
+        }
     }
 }
 

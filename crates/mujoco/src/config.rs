@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use stridemap_robot::{
-    JointDescription, JointLimits, LegJoint, LegRole, Legs, RobotDescription, Side,
-};
+use stridemap_robot::{JointDescription, JointLimits, LegJoint, LegRole, Legs, RobotDescription, Side};
 
 use crate::error::{MujocoError, nearest};
 use crate::hardware::HardwareConfig;
@@ -313,47 +311,27 @@ impl MujocoConfig {
     ///
     /// [`MujocoError::BadValue`] or [`MujocoError::PeriodNotMultiple`], naming field, value and what is allowed.
     pub fn validate(&self) -> Result<(), MujocoError> {
-        let positive = |field, value: f64| {
-            check(
-                field,
-                value,
-                value.is_finite() && value > 0.0,
-                "a finite number > 0",
-            )
-        };
-        let not_negative = |field, value: f64| {
-            check(
-                field,
-                value,
-                value.is_finite() && value >= 0.0,
-                "a finite number >= 0",
-            )
-        };
+        let positive = |field, value: f64| check(field, value, value.is_finite() && value > 0.0, "a finite number > 0");
+        let not_negative =
+            |field, value: f64| check(field, value, value.is_finite() && value >= 0.0, "a finite number >= 0");
         // A tick makes as many physics steps as go into it, and a delay as many ticks.
-        for (field, value, least) in [
-            ("control_period_s", Some(self.control_period_s), 1e-4),
-            ("time_step_s", self.time_step_s, 1e-6),
-        ] {
+        for (field, value, least) in
+            [("control_period_s", Some(self.control_period_s), 1e-4), ("time_step_s", self.time_step_s, 1e-6)]
+        {
             let good = value.is_none_or(|value| (least..=1.0).contains(&value));
             let allowed = "a tenth of a millisecond (a physics step: a microsecond) to 1 s";
             check(field, value.unwrap_or(0.0), good, allowed)?;
         }
         positive("mass_scale", self.mass_scale)?;
         positive("velocity_limit_rad_s", self.velocity_limit_rad_s)?;
-        for (field, value) in [
-            ("friction", self.friction),
-            ("kp_nm_rad", self.kp_nm_rad),
-            ("torque_limit_nm", self.torque_limit_nm),
-        ] {
+        for (field, value) in
+            [("friction", self.friction), ("kp_nm_rad", self.kp_nm_rad), ("torque_limit_nm", self.torque_limit_nm)]
+        {
             value.map_or(Ok(()), |value| positive(field, value))?;
         }
-        self.kv_nms_rad
-            .map_or(Ok(()), |value| not_negative("kv_nms_rad", value))?;
-        self.joint_friction_nm
-            .map_or(Ok(()), |value| not_negative("joint_friction_nm", value))?;
-        self.hardware
-            .as_ref()
-            .map_or(Ok(()), HardwareConfig::validate)?;
+        self.kv_nms_rad.map_or(Ok(()), |value| not_negative("kv_nms_rad", value))?;
+        self.joint_friction_nm.map_or(Ok(()), |value| not_negative("joint_friction_nm", value))?;
+        self.hardware.as_ref().map_or(Ok(()), HardwareConfig::validate)?;
         not_negative("start_joint_noise_deg", self.start_joint_noise_deg)?;
         not_negative("start_velocity_noise_m_s", self.start_velocity_noise_m_s)?;
         for value in self.torso_offset_m {
@@ -370,36 +348,21 @@ impl MujocoConfig {
 }
 
 /// An error unless a value is in its domain.
-pub(crate) fn check(
-    field: &'static str,
-    value: f64,
-    good: bool,
-    allowed: &'static str,
-) -> Result<(), MujocoError> {
+pub(crate) fn check(field: &'static str, value: f64, good: bool, allowed: &'static str) -> Result<(), MujocoError> {
     if good {
         return Ok(());
     }
-    Err(MujocoError::BadValue {
-        field,
-        value,
-        allowed,
-    })
+    Err(MujocoError::BadValue { field, value, allowed })
 }
 
 /// Physics steps in a control period.
-pub(crate) fn steps_per_period(
-    control_period_s: f64,
-    time_step_s: f64,
-) -> Result<usize, MujocoError> {
+pub(crate) fn steps_per_period(control_period_s: f64, time_step_s: f64) -> Result<usize, MujocoError> {
     /// Decimal fractions like 0.002 / 0.001 miss a whole number by a few parts in 1e16.
     const ROUNDING: f64 = 1e-9;
     let ratio = control_period_s / time_step_s;
     let whole = ratio.round();
     if !(1.0..=1e6).contains(&whole) || (ratio - whole).abs() > ROUNDING * whole {
-        return Err(MujocoError::PeriodNotMultiple {
-            control_period_s,
-            time_step_s,
-        });
+        return Err(MujocoError::PeriodNotMultiple { control_period_s, time_step_s });
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Between 1 and 1e6.
     Ok(whole as usize)
@@ -412,10 +375,5 @@ pub(crate) fn no_such_name<'a>(
     name: &str,
     among: impl Iterator<Item = &'a str>,
 ) -> MujocoError {
-    MujocoError::NoSuchName {
-        field,
-        what,
-        name: name.into(),
-        near: nearest(name, among),
-    }
+    MujocoError::NoSuchName { field, what, name: name.into(), near: nearest(name, among) }
 }

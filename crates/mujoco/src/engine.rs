@@ -6,9 +6,7 @@ use std::sync::{Arc, Once};
 
 use mujoco_rs::prelude::{MjCache, MjData, MjModel, set_log_handler};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
-use mujoco_rs::wrappers::mj_model::{
-    MjtDisableBit, MjtIntegrator, MjtJoint, MjtObjBase, MjtSameFrame,
-};
+use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtIntegrator, MjtJoint, MjtObjBase, MjtSameFrame};
 use sha2::{Digest, Sha256};
 
 use crate::config::{ModelSource, MujocoConfig};
@@ -80,10 +78,7 @@ pub(crate) fn take_warning() -> String {
 /// Compiles a model as it is; [`load`](crate::store::load) does it once.
 pub(crate) fn compile(source: &ModelSource) -> Result<MjModel, MujocoError> {
     install_log_handler();
-    let error = |reason: String| MujocoError::Load {
-        model: source.to_string(),
-        reason,
-    };
+    let error = |reason: String| MujocoError::Load { model: source.to_string(), reason };
     match source {
         ModelSource::Biped => MjModel::from_xml_string(BIPED_XML),
         ModelSource::Op3 => MjModel::from_xml_string(OP3_XML),
@@ -115,10 +110,7 @@ fn bytes(model: &MjModel) -> Result<Vec<u8>, MujocoError> {
     let mut bytes = vec![0; model.size()];
     model
         .save_to_buffer(&mut bytes)
-        .map_err(|e| MujocoError::Load {
-            model: "compiled model".into(),
-            reason: e.to_string(),
-        })?;
+        .map_err(|e| MujocoError::Load { model: "compiled model".into(), reason: e.to_string() })?;
     Ok(bytes)
 }
 
@@ -145,11 +137,7 @@ pub(crate) struct Places<'a> {
 }
 
 /// Applies the user's overrides and recomputes what MuJoCo derives from them.
-pub(crate) fn apply(
-    model: &MjModel,
-    config: &MujocoConfig,
-    places: &Places<'_>,
-) -> Result<MjModel, MujocoError> {
+pub(crate) fn apply(model: &MjModel, config: &MujocoConfig, places: &Places<'_>) -> Result<MjModel, MujocoError> {
     let mut model = model.clone();
     let options = model.opt_mut();
     // MuJoCo's default answer to a diverged state is to reset it and go on.
@@ -207,11 +195,8 @@ fn tune_servos(model: &mut MjModel, config: &MujocoConfig, servos: &[usize]) {
             let kp = kp / (gear * gear);
             // Control and offset in units of the length stay what they are.
             let own = -model.actuator_biasprm()[servo][1];
-            let [per_length, offset] = [
-                model.actuator_gainprm()[servo][0],
-                model.actuator_biasprm()[servo][0],
-            ]
-            .map(|parameter| parameter / own);
+            let [per_length, offset] = [model.actuator_gainprm()[servo][0], model.actuator_biasprm()[servo][0]]
+                .map(|parameter| parameter / own);
             // SAFETY: the first gain parameter of a fixed gain is a plain factor, never an index.
             #[allow(unsafe_code)]
             let gains = unsafe { model.actuator_gainprm_mut() };
@@ -250,8 +235,7 @@ fn shift_torso(model: &mut MjModel, offset_m: [f64; 3], torso: usize) {
     }
     // Shortcuts for frames that coincide no longer hold: a geom must not move with the mass.
     model.body_sameframe_mut()[torso] = MjtSameFrame::mjSAMEFRAME_NONE;
-    let on_torso =
-        |bodies: &[i32]| -> Vec<bool> { bodies.iter().map(|&b| b as usize == torso).collect() };
+    let on_torso = |bodies: &[i32]| -> Vec<bool> { bodies.iter().map(|&b| b as usize == torso).collect() };
     let geoms = on_torso(model.geom_bodyid());
     for (frame, _) in (model.geom_sameframe_mut().iter_mut().zip(geoms)).filter(|(_, own)| *own) {
         *frame = MjtSameFrame::mjSAMEFRAME_NONE;
@@ -265,17 +249,12 @@ fn shift_torso(model: &mut MjModel, offset_m: [f64; 3], torso: usize) {
 /// The bodies of the tree whose root is `torso`.
 pub(crate) fn own_bodies(model: &MjModel, torso: usize) -> Vec<usize> {
     let roots = model.body_rootid();
-    (0..roots.len())
-        .filter(|&body| roots[body] as usize == torso)
-        .collect()
+    (0..roots.len()).filter(|&body| roots[body] as usize == torso).collect()
 }
 
 /// The error for data that cannot be allocated.
 pub(crate) fn allocation(error: impl std::fmt::Display) -> MujocoError {
-    MujocoError::Load {
-        model: "simulation data".into(),
-        reason: error.to_string(),
-    }
+    MujocoError::Load { model: "simulation data".into(), reason: error.to_string() }
 }
 
 /// The name of an object, or `#id` for one without.

@@ -102,12 +102,7 @@ impl HardwareConfig {
             ("hardware.kp_nm_rad", self.kp_nm_rad),
             ("hardware.torque_limit_nm", self.torque_limit_nm),
         ] {
-            check(
-                field,
-                value,
-                value.is_finite() && value > 0.0,
-                "a finite number > 0",
-            )?;
+            check(field, value, value.is_finite() && value > 0.0, "a finite number > 0")?;
         }
         for (field, value, most) in [
             ("hardware.joint_friction_nm", self.joint_friction_nm, 1e3),
@@ -128,12 +123,7 @@ impl HardwareConfig {
             check(field, value, good, "not negative, and small")?;
         }
         for value in self.torso_offset_m {
-            check(
-                "hardware.torso_offset_m",
-                value,
-                value.is_finite(),
-                "finite",
-            )?;
+            check("hardware.torso_offset_m", value, value.is_finite(), "finite")?;
         }
         Ok(())
     }
@@ -170,9 +160,7 @@ impl Individual {
         rng.set_stream(INDIVIDUAL_STREAM);
         let mut up_to = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
         Self {
-            encoder_bias_rad: (0..joints)
-                .map(|_| up_to(config.encoder_bias_deg.to_radians()))
-                .collect(),
+            encoder_bias_rad: (0..joints).map(|_| up_to(config.encoder_bias_deg.to_radians())).collect(),
             imu_bias_rad: [0; 3].map(|_| up_to(config.imu_bias_deg.to_radians())),
             load_gain: [0; 2].map(|_| 1.0 + up_to(config.load_gain_error)),
             gyro_bias_rad_s: [0; 3].map(|_| up_to(config.gyro_bias_deg_s.to_radians())),
@@ -180,12 +168,7 @@ impl Individual {
     }
 
     /// What the sensors say of the truth.
-    pub fn read(
-        &self,
-        truth: &SensorFrame,
-        config: &HardwareConfig,
-        rng: &mut ChaCha8Rng,
-    ) -> SensorFrame {
+    pub fn read(&self, truth: &SensorFrame, config: &HardwareConfig, rng: &mut ChaCha8Rng) -> SensorFrame {
         let mut normal = |std: f64| {
             let z: f64 = StandardNormal.sample(rng);
             std * z
@@ -194,11 +177,7 @@ impl Individual {
         let step = config.encoder_step_deg.to_radians();
         for (joint, bias) in read.joints.iter_mut().zip(&self.encoder_bias_rad) {
             let angle = joint.position_rad + bias + normal(config.encoder_noise_deg.to_radians());
-            joint.position_rad = if step > 0.0 {
-                (angle / step).round() * step
-            } else {
-                angle
-            };
+            joint.position_rad = if step > 0.0 { (angle / step).round() * step } else { angle };
         }
         let noise = config.imu_noise_deg.to_radians();
         let error = self.imu_bias_rad.map(|bias| bias + normal(noise));
@@ -207,9 +186,7 @@ impl Individual {
         for (rate, bias) in (read.angular_velocity_rad_s.iter_mut()).zip(self.gyro_bias_rad_s) {
             *rate += bias + normal(noise);
         }
-        for ((load, gain), true_n) in
-            (read.loads_n.iter_mut().zip(self.load_gain)).zip(truth.loads_n)
-        {
+        for ((load, gain), true_n) in (read.loads_n.iter_mut().zip(self.load_gain)).zip(truth.loads_n) {
             *load = (gain * true_n + normal(config.load_noise_n)).max(0.0);
         }
         read
@@ -224,13 +201,7 @@ mod tests {
     fn truth() -> SensorFrame {
         SensorFrame {
             time_s: 1.0,
-            joints: vec![
-                JointState {
-                    position_rad: 0.3,
-                    ..Default::default()
-                };
-                20
-            ],
+            joints: vec![JointState { position_rad: 0.3, ..Default::default() }; 20],
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity_rad_s: [0.0; 3],
             loads_n: [15.0, 16.0],
@@ -241,22 +212,14 @@ mod tests {
     /// those of the noise (an encoder's step adds step²/12).
     #[test]
     fn noise_and_biases_are_as_large_as_they_say() {
-        let config = HardwareConfig {
-            individual: Some(3),
-            ..Default::default()
-        };
+        let config = HardwareConfig { individual: Some(3), ..Default::default() };
         let one = Individual::new(&config, 20);
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let n = 4000;
-        let reads: Vec<SensorFrame> = (0..n)
-            .map(|_| one.read(&truth(), &config, &mut rng))
-            .collect();
+        let reads: Vec<SensorFrame> = (0..n).map(|_| one.read(&truth(), &config, &mut rng)).collect();
         let moments = |values: &dyn Fn(&SensorFrame) -> f64| {
             let mean = reads.iter().map(values).sum::<f64>() / f64::from(n);
-            let square = reads
-                .iter()
-                .map(|r| (values(r) - mean).powi(2))
-                .sum::<f64>();
+            let square = reads.iter().map(|r| (values(r) - mean).powi(2)).sum::<f64>();
             (mean, (square / f64::from(n)).sqrt())
         };
         let (mean, std) = moments(&|r| r.joints[4].position_rad.to_degrees());
@@ -276,10 +239,7 @@ mod tests {
     #[test]
     fn individuals_differ_and_stay_themselves() {
         let of = |individual| {
-            let config = HardwareConfig {
-                individual: Some(individual),
-                ..Default::default()
-            };
+            let config = HardwareConfig { individual: Some(individual), ..Default::default() };
             Individual::new(&config, 20)
         };
         assert_eq!(of(1), of(1));
@@ -288,10 +248,7 @@ mod tests {
 
     #[test]
     fn a_bad_value_is_named() {
-        let config = HardwareConfig {
-            lost_commands: 1.5,
-            ..Default::default()
-        };
+        let config = HardwareConfig { lost_commands: 1.5, ..Default::default() };
         let says = config.validate().unwrap_err().to_string();
         assert!(says.contains("hardware.lost_commands"), "{says}");
     }

@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_robot::kinematics::about;
 use stridemap_robot::{
-    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointTargets, KinematicModel, Machine,
-    MachineDescription, Pose, Robot, RobotError, RobotState, SensorFrame, Shape, check_command,
+    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointTargets, KinematicModel, Machine, MachineDescription, Pose,
+    Robot, RobotError, RobotState, SensorFrame, Shape, check_command,
 };
 
 use crate::binding::Binding;
@@ -48,11 +48,7 @@ impl SimulatedMachine {
     ///
     /// [`MujocoError`], as [`MujocoRobot::new`]; or a value of the hardware out of its domain.
     pub fn new(config: &MujocoConfig) -> Result<Self, MujocoError> {
-        let ideal = MujocoConfig {
-            hardware: None,
-            estimated: false,
-            ..config.clone()
-        };
+        let ideal = MujocoConfig { hardware: None, estimated: false, ..config.clone() };
         let robot = match &config.hardware {
             None => MujocoRobot::new(ideal)?,
             Some(hardware) => {
@@ -92,9 +88,7 @@ impl SimulatedMachine {
     }
 
     fn periods(&self, delay_s: f64) -> usize {
-        (delay_s / self.description.control_period_s)
-            .round()
-            .max(0.0) as usize
+        (delay_s / self.description.control_period_s).round().max(0.0) as usize
     }
 
     /// What the sensors say now.
@@ -112,11 +106,7 @@ impl Machine for SimulatedMachine {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        command_rad: &[f64],
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError> {
+    fn reset(&mut self, command_rad: &[f64], rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError> {
         check_command(command_rad, &self.description.joint_names)?;
         let posture = JointTargets::positions(command_rad.iter().copied());
         self.robot.reset(&posture, rng)?;
@@ -125,10 +115,7 @@ impl Machine for SimulatedMachine {
             None => (0, 0),
             Some((config, _)) => {
                 self.rng = ChaCha8Rng::seed_from_u64(rng.random());
-                (
-                    self.periods(config.command_delay_s),
-                    self.periods(config.sensor_delay_s),
-                )
+                (self.periods(config.command_delay_s), self.periods(config.sensor_delay_s))
             }
         };
         self.commands = (0..command_delay).map(|_| self.acting.clone()).collect();
@@ -163,8 +150,7 @@ impl Machine for SimulatedMachine {
         let mut read = self.read();
         let now_s = read.time_s;
         if let Some(oldest) = self.readings.pop_front() {
-            self.readings
-                .push_back(std::mem::replace(&mut read, oldest));
+            self.readings.push_back(std::mem::replace(&mut read, oldest));
         }
         // The clock is the machine's own and is not late: a reading is stamped when it is told.
         read.time_s = now_s;
@@ -225,10 +211,7 @@ fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), Mujoco
     let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
     data.forward();
     let name = config.model.to_string();
-    let not_a_biped = |reason: String| MujocoError::NotABiped {
-        model: name.clone(),
-        reason,
-    };
+    let not_a_biped = |reason: String| MujocoError::NotABiped { model: name.clone(), reason };
     let owned = own_bodies(&model, binding.torso);
     let place = |body: usize| owned.iter().position(|&b| b == body).unwrap_or(0);
     let mut bodies = Vec::with_capacity(owned.len());
@@ -239,9 +222,7 @@ fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), Mujoco
         let hinge = match joints[..] {
             [] => None,
             [joint] if model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE => Some(Hinge {
-                joint: (binding.axes.iter())
-                    .position(|axis| axis.joint == joint)
-                    .unwrap_or(usize::MAX),
+                joint: (binding.axes.iter()).position(|axis| axis.joint == joint).unwrap_or(usize::MAX),
                 axis: model.jnt_axis()[joint],
                 anchor_m: model.jnt_pos()[joint],
             }),
@@ -254,17 +235,12 @@ fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), Mujoco
             }
         };
         // The drawing shows each joint at its `ref`, which is where the angle has that value.
-        let drawn_at = joints
-            .first()
-            .map_or(0.0, |&j| model.qpos0()[model.jnt_qposadr()[j] as usize]);
+        let drawn_at = joints.first().map_or(0.0, |&j| model.qpos0()[model.jnt_qposadr()[j] as usize]);
         let (mut position_m, mut orientation) = (model.body_pos()[body], model.body_quat()[body]);
         if let Some(hinge) = hinge.as_ref().filter(|_| drawn_at.abs() > 0.0) {
             let back = about(hinge.axis, -drawn_at);
             let anchor = turn(back, hinge.anchor_m);
-            let shift = turn(
-                orientation,
-                [0, 1, 2].map(|i| hinge.anchor_m[i] - anchor[i]),
-            );
+            let shift = turn(orientation, [0, 1, 2].map(|i| hinge.anchor_m[i] - anchor[i]));
             position_m = [0, 1, 2].map(|i| position_m[i] + shift[i]);
             orientation = product(orientation, back);
         }
@@ -278,12 +254,8 @@ fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), Mujoco
         });
     }
     let robot_soles = sole::find(&model, &data, &binding, &name)?;
-    let soles = [0, 1].map(|side| BodyPoint {
-        body: place(binding.feet[side]),
-        point_m: robot_soles[side].centre_m,
-    });
-    let kinematics = KinematicModel::new(binding.axes.len(), bodies, soles)
-        .map_err(|e| not_a_biped(e.to_string()))?;
+    let soles = [0, 1].map(|side| BodyPoint { body: place(binding.feet[side]), point_m: robot_soles[side].centre_m });
+    let kinematics = KinematicModel::new(binding.axes.len(), bodies, soles).map_err(|e| not_a_biped(e.to_string()))?;
     Ok((kinematics, binding))
 }
 
@@ -295,10 +267,8 @@ fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), Mujoco
 pub fn estimator(config: &MujocoConfig) -> Result<Estimator, MujocoError> {
     let (model, binding) = kinematics(config)?;
     let rest_rad = binding.axes.iter().map(|axis| axis.rest_rad).collect();
-    Estimator::new(model, binding.legs, rest_rad).map_err(|e| MujocoError::NotABiped {
-        model: config.model.to_string(),
-        reason: e.to_string(),
-    })
+    Estimator::new(model, binding.legs, rest_rad)
+        .map_err(|e| MujocoError::NotABiped { model: config.model.to_string(), reason: e.to_string() })
 }
 
 impl MujocoConfig {
@@ -313,13 +283,8 @@ impl MujocoConfig {
         if !self.estimated && self.hardware.is_none() {
             return Ok(Box::new(MujocoRobot::new(self.clone())?));
         }
-        let robot =
-            EstimatedRobot::new(SimulatedMachine::new(self)?, estimator(self)?).map_err(|e| {
-                MujocoError::NotABiped {
-                    model: self.model.to_string(),
-                    reason: e.to_string(),
-                }
-            })?;
+        let robot = EstimatedRobot::new(SimulatedMachine::new(self)?, estimator(self)?)
+            .map_err(|e| MujocoError::NotABiped { model: self.model.to_string(), reason: e.to_string() })?;
         Ok(Box::new(robot))
     }
 }

@@ -40,11 +40,7 @@ fn scene(solids: &[Solid], camera: Camera, [width, height]: [u32; 2]) -> String 
     let level = away[0].hypot(away[1]).max(1e-9);
     let x = [-away[1] / level, away[0] / level, 0.0];
     let z = away.map(|c| c / distance.max(1e-9));
-    let y = [
-        z[1] * x[2] - z[2] * x[1],
-        z[2] * x[0] - z[0] * x[2],
-        z[0] * x[1] - z[1] * x[0],
-    ];
+    let y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
     let [tx, ty, tz] = camera.target_m;
     let [fx, fy, fz] = camera.from_m;
     // Half the width of what is seen: shadows and clipping planes are measured by it. Shadows reach five
@@ -84,14 +80,8 @@ fn scene(solids: &[Solid], camera: Camera, [width, height]: [u32; 2]) -> String 
     for solid in solids {
         let (kind, size) = match solid.kind {
             ShapeKind::Sphere { radius_m } => ("sphere", vec![radius_m]),
-            ShapeKind::Capsule {
-                radius_m,
-                half_length_m,
-            } => ("capsule", vec![radius_m, half_length_m]),
-            ShapeKind::Cylinder {
-                radius_m,
-                half_length_m,
-            } => ("cylinder", vec![radius_m, half_length_m]),
+            ShapeKind::Capsule { radius_m, half_length_m } => ("capsule", vec![radius_m, half_length_m]),
+            ShapeKind::Cylinder { radius_m, half_length_m } => ("cylinder", vec![radius_m, half_length_m]),
             ShapeKind::Ellipsoid { semi_axes_m } => ("ellipsoid", semi_axes_m.to_vec()),
             ShapeKind::Box { half_extents_m } => ("box", half_extents_m.to_vec()),
         };
@@ -120,17 +110,10 @@ fn scene(solids: &[Solid], camera: Camera, [width, height]: [u32; 2]) -> String 
 ///
 /// [`MujocoError::Load`] if MuJoCo does not take the scene (a size of zero, a number that is not finite);
 /// [`MujocoError::Render`] if there is no EGL here or the file cannot be written.
-pub fn render(
-    solids: &[Solid],
-    camera: Camera,
-    size_px: [u32; 2],
-    path: &Path,
-) -> Result<(), MujocoError> {
+pub fn render(solids: &[Solid], camera: Camera, size_px: [u32; 2], path: &Path) -> Result<(), MujocoError> {
     let xml = scene(solids, camera, size_px);
-    let model = MjModel::from_xml_string(&xml).map_err(|error| MujocoError::Load {
-        model: "picture".into(),
-        reason: error.to_string(),
-    })?;
+    let model = MjModel::from_xml_string(&xml)
+        .map_err(|error| MujocoError::Load { model: "picture".into(), reason: error.to_string() })?;
     let failed = |error: &dyn std::fmt::Display| MujocoError::Render {
         path: path.display().to_string(),
         reason: error.to_string(),
@@ -144,9 +127,7 @@ pub fn render(
         .png_compression(png::Compression::High)
         .build(&model)
         .map_err(|error| failed(&error))?;
-    renderer
-        .sync_data(&mut data)
-        .map_err(|error| failed(&error))?;
+    renderer.sync_data(&mut data).map_err(|error| failed(&error))?;
     renderer.render().map_err(|error| failed(&error))?;
     renderer.save_rgb(path).map_err(|error| failed(&error))
 }
@@ -160,26 +141,13 @@ mod tests {
     /// everywhere.)
     #[test]
     fn the_scene_has_every_solid_and_the_camera_looks_at_its_target() {
-        let solid = |kind| Solid {
-            kind,
-            pose: Pose::default(),
-            rgba: [1.0, 0.5, 0.0, 1.0],
-        };
+        let solid = |kind| Solid { kind, pose: Pose::default(), rgba: [1.0, 0.5, 0.0, 1.0] };
         let solids = [
             solid(ShapeKind::Sphere { radius_m: 0.1 }),
-            solid(ShapeKind::Capsule {
-                radius_m: 0.1,
-                half_length_m: 0.2,
-            }),
-            solid(ShapeKind::Box {
-                half_extents_m: [0.1, 0.2, 0.3],
-            }),
+            solid(ShapeKind::Capsule { radius_m: 0.1, half_length_m: 0.2 }),
+            solid(ShapeKind::Box { half_extents_m: [0.1, 0.2, 0.3] }),
         ];
-        let camera = Camera {
-            target_m: [1.0, 2.0, 0.5],
-            from_m: [1.0, -2.0, 3.5],
-            view_deg: 20.0,
-        };
+        let camera = Camera { target_m: [1.0, 2.0, 0.5], from_m: [1.0, -2.0, 3.5], view_deg: 20.0 };
         let model = MjModel::from_xml_string(&scene(&solids, camera, [64, 32])).unwrap();
         assert_eq!((model.ngeom(), model.ncam()), (4, 1));
         let mut data = MjData::new(&model);

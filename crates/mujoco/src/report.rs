@@ -147,18 +147,9 @@ impl MujocoRobot {
 fn turn_between(from: &[f64; 9], to: &[f64; 9]) -> [f64; 3] {
     // The antisymmetric part of to * from^T is the axis times the sine of the angle.
     let row = |m: &[f64; 9], r: usize| [m[3 * r], m[3 * r + 1], m[3 * r + 2]];
-    let entry = |r: usize, c: usize| -> f64 {
-        row(to, r)
-            .iter()
-            .zip(row(from, c))
-            .map(|(a, b)| a * b)
-            .sum()
-    };
-    let axis = [
-        0.5 * (entry(2, 1) - entry(1, 2)),
-        0.5 * (entry(0, 2) - entry(2, 0)),
-        0.5 * (entry(1, 0) - entry(0, 1)),
-    ];
+    let entry = |r: usize, c: usize| -> f64 { row(to, r).iter().zip(row(from, c)).map(|(a, b)| a * b).sum() };
+    let axis =
+        [0.5 * (entry(2, 1) - entry(1, 2)), 0.5 * (entry(0, 2) - entry(2, 0)), 0.5 * (entry(1, 0) - entry(0, 1))];
     let length = axis.iter().map(|a| a * a).sum::<f64>().sqrt();
     if length < 0.1 * STEP_RAD {
         return [0.0; 3];
@@ -201,9 +192,6 @@ fn problem(joint: LegJoint, axis: [f64; 3], rest_deg: f64, range_deg: [f64; 2]) 
         ));
     }
     let [lower, upper] = range_deg;
-    (rest_deg < lower || rest_deg > upper).then(|| {
-        format!(
-            "its rest angle of {rest_deg:.1} deg is outside its range, {lower:.1} to {upper:.1} deg"
-        )
-    })
+    (rest_deg < lower || rest_deg > upper)
+        .then(|| format!("its rest angle of {rest_deg:.1} deg is outside its range, {lower:.1} to {upper:.1} deg"))
 }

@@ -9,8 +9,8 @@ use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use stridemap_robot::{
-    BaseState, CentreOfMass, FootState, JointCommand, JointDescription, JointLimits, JointState,
-    JointTargets, Pose, Robot, RobotDescription, RobotError, RobotState, Shape, Side,
+    BaseState, CentreOfMass, FootState, JointCommand, JointDescription, JointLimits, JointState, JointTargets, Pose,
+    Robot, RobotDescription, RobotError, RobotState, Shape, Side,
 };
 
 use crate::actuators::{self, Held};
@@ -133,11 +133,8 @@ impl MujocoRobot {
         config.validate()?;
         let bare = load(&config.model)?;
         let binding = Binding::find(&bare, &config)?;
-        let places = Places {
-            torso: binding.torso,
-            contact_geoms: &binding.contact_geoms(),
-            servos: &binding.servos(),
-        };
+        let places =
+            Places { torso: binding.torso, contact_geoms: &binding.contact_geoms(), servos: &binding.servos() };
         let model = Arc::new(apply(&bare, &config, &places)?);
         let time_step_s = model.opt().timestep;
         let steps_per_period = steps_per_period(config.control_period_s, time_step_s)?;
@@ -172,10 +169,7 @@ impl MujocoRobot {
             has_laws: !binding.axes.iter().all(servo),
             laws,
             base_inverse: turned.then(|| inverse(q0)),
-            state: RobotState {
-                joints: vec![JointState::default(); binding.axes.len()],
-                ..RobotState::default()
-            },
+            state: RobotState { joints: vec![JointState::default(); binding.axes.len()], ..RobotState::default() },
             periods: 0,
             warnings: [0; WARNINGS],
             failure: None,
@@ -255,9 +249,7 @@ impl MujocoRobot {
         if snapshot.numbers.len() != self.model.state_size(INTEGRATION) {
             return Err(foreign);
         }
-        self.data
-            .set_state(&snapshot.numbers, INTEGRATION)
-            .map_err(|_| foreign)?;
+        self.data.set_state(&snapshot.numbers, INTEGRATION).map_err(|_| foreign)?;
         self.count_warnings();
         self.data.step1();
         self.state.clone_from(&snapshot.state);
@@ -284,13 +276,7 @@ impl MujocoRobot {
         let laws = self.laws.iter_mut().zip(&targets.joints);
         for (axis, (law, asked)) in self.binding.axes.iter().zip(laws) {
             law.asked = *asked;
-            if let Drive::Servo {
-                ctrl: index,
-                per_rad,
-                offset,
-                ..
-            } = axis.drive
-            {
+            if let Drive::Servo { ctrl: index, per_rad, offset, .. } = axis.drive {
                 ctrl[index] = per_rad * asked.position_rad + offset;
             }
         }
@@ -327,20 +313,14 @@ impl MujocoRobot {
             let (Ok(one), Ok(two)) = (usize::try_from(one), usize::try_from(two)) else {
                 continue;
             };
-            let (side, sign) = match (
-                self.binding.foot_of_geom[one],
-                self.binding.foot_of_geom[two],
-            ) {
+            let (side, sign) = match (self.binding.foot_of_geom[one], self.binding.foot_of_geom[two]) {
                 // MuJoCo reports the force on the second geom.
                 (None, Some(side)) if self.binding.is_floor[one] => (side, 1.0),
                 (Some(side), None) if self.binding.is_floor[two] => (side, -1.0),
                 _ => continue,
             };
             let force = self.data.contact_force(index);
-            let up = sign
-                * (contact.frame[2] * force[0]
-                    + contact.frame[5] * force[1]
-                    + contact.frame[8] * force[2]);
+            let up = sign * (contact.frame[2] * force[0] + contact.frame[5] * force[1] + contact.frame[8] * force[2]);
             load[usize::from(side)] += up;
             moment[0] += up * contact.pos[0];
             moment[1] += up * contact.pos[1];
@@ -393,10 +373,7 @@ impl MujocoRobot {
     /// A point of a foot, in the world.
     pub(crate) fn on_foot(&self, side: Side, local: [f64; 3]) -> [f64; 3] {
         let body = self.binding.feet[side.index()];
-        let (origin, turned) = (
-            self.data.xpos()[body],
-            to_world(&self.data.xmat()[body], local),
-        );
+        let (origin, turned) = (self.data.xpos()[body], to_world(&self.data.xmat()[body], local));
         [0, 1, 2].map(|i| origin[i] + turned[i])
     }
 
@@ -416,10 +393,7 @@ impl MujocoRobot {
             warning = format!("MuJoCo warning of kind {new}");
         }
         self.count_warnings();
-        Some(RobotError::Simulator {
-            time_s: self.state.time_s,
-            warning,
-        })
+        Some(RobotError::Simulator { time_s: self.state.time_s, warning })
     }
 
     /// Puts the base upright, turned in pitch so that the soles are level, the lower sole on the floor.
@@ -452,11 +426,7 @@ impl Robot for MujocoRobot {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        posture: &JointTargets,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&RobotState, RobotError> {
+    fn reset(&mut self, posture: &JointTargets, rng: &mut ChaCha8Rng) -> Result<&RobotState, RobotError> {
         self.check(posture)?;
         self.data.reset();
         self.failure = None;
@@ -533,9 +503,7 @@ impl Robot for MujocoRobot {
 
     fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
         if force_n.iter().any(|f| !f.is_finite()) {
-            return Err(RobotError::Unsupported {
-                what: "a push that is not finite",
-            });
+            return Err(RobotError::Unsupported { what: "a push that is not finite" });
         }
         self.data.xfrc_applied_mut()[self.binding.torso][..3].copy_from_slice(&force_n);
         Ok(())
@@ -553,18 +521,13 @@ impl Robot for MujocoRobot {
         out.clear();
         let floor_m = self.floor_m;
         let bodies = self.data.xpos().iter().zip(self.data.xquat());
-        out.extend(bodies.map(|(&[x, y, z], &orientation)| Pose {
-            position_m: [x, y, z - floor_m],
-            orientation,
-        }));
+        out.extend(bodies.map(|(&[x, y, z], &orientation)| Pose { position_m: [x, y, z - floor_m], orientation }));
     }
 }
 
 /// A normal disturbance; `None` for a standard deviation of zero.
 fn noise(standard_deviation: f64) -> Option<Normal<f64>> {
-    (standard_deviation > 0.0)
-        .then(|| Normal::new(0.0, standard_deviation).ok())
-        .flatten()
+    (standard_deviation > 0.0).then(|| Normal::new(0.0, standard_deviation).ok()).flatten()
 }
 
 /// The PD laws of every driven joint, at rest.
@@ -599,24 +562,14 @@ fn limits(model: &MjModel, axis: &Axis, config: &MujocoConfig, torque_nm: f64) -
         false => [-std::f64::consts::PI, std::f64::consts::PI],
     };
     // What MuJoCo would cut off a servo's command is no part of the range.
-    if let Drive::Servo {
-        ctrl,
-        per_rad,
-        offset,
-        ..
-    } = axis.drive
+    if let Drive::Servo { ctrl, per_rad, offset, .. } = axis.drive
         && model.actuator_ctrllimited()[ctrl]
     {
         let ends = model.actuator_ctrlrange()[ctrl].map(|end| (end - offset) / per_rad);
         lower = lower.max(ends[0].min(ends[1]));
         upper = upper.min(ends[0].max(ends[1]));
     }
-    JointLimits {
-        lower_rad: lower,
-        upper_rad: upper,
-        velocity_rad_s: config.velocity_limit_rad_s,
-        torque_nm,
-    }
+    JointLimits { lower_rad: lower, upper_rad: upper, velocity_rad_s: config.velocity_limit_rad_s, torque_nm }
 }
 
 #[cfg(test)]
@@ -665,9 +618,7 @@ mod tests {
             .map(|period| {
                 let sway = 0.05 * (0.02 * f64::from(period)).sin();
                 let rests = rest.joints.iter().map(|c| c.position_rad).enumerate();
-                JointTargets::positions(
-                    rests.map(|(at, rest)| if at < 5 { rest + sway } else { rest - sway }),
-                )
+                JointTargets::positions(rests.map(|(at, rest)| if at < 5 { rest + sway } else { rest - sway }))
             })
             .collect();
         let mut whole = MujocoRobot::new(config)?;
@@ -691,9 +642,7 @@ mod tests {
         let mut moment = robot.snapshot();
         moment.numbers = Box::new([0.0; 3]);
         let found = 3;
-        assert!(
-            matches!(robot.restore(&moment), Err(MujocoError::ForeignSnapshot { found: f, .. }) if f == found)
-        );
+        assert!(matches!(robot.restore(&moment), Err(MujocoError::ForeignSnapshot { found: f, .. }) if f == found));
         Ok(())
     }
 }

@@ -2,9 +2,7 @@
 
 /// A vector of the body's frame, in the world.
 pub(crate) fn to_world(rotation: &[f64; 9], v: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|row| {
-        rotation[3 * row] * v[0] + rotation[3 * row + 1] * v[1] + rotation[3 * row + 2] * v[2]
-    })
+    [0, 1, 2].map(|row| rotation[3 * row] * v[0] + rotation[3 * row + 1] * v[1] + rotation[3 * row + 2] * v[2])
 }
 
 /// A vector of the world, in the body's frame.

@@ -22,27 +22,15 @@ fn shape(model: &MjModel, geom: usize) -> Option<Shape> {
     let orientation = model.geom_quat()[geom];
     let kind = match model.geom_type()[geom] {
         MjtGeomBase::mjGEOM_SPHERE => ShapeKind::Sphere { radius_m: a },
-        MjtGeomBase::mjGEOM_CAPSULE => ShapeKind::Capsule {
-            radius_m: a,
-            half_length_m: b,
-        },
-        MjtGeomBase::mjGEOM_CYLINDER => ShapeKind::Cylinder {
-            radius_m: a,
-            half_length_m: b,
-        },
-        MjtGeomBase::mjGEOM_ELLIPSOID => ShapeKind::Ellipsoid {
-            semi_axes_m: [a, b, c],
-        },
-        MjtGeomBase::mjGEOM_BOX => ShapeKind::Box {
-            half_extents_m: [a, b, c],
-        },
+        MjtGeomBase::mjGEOM_CAPSULE => ShapeKind::Capsule { radius_m: a, half_length_m: b },
+        MjtGeomBase::mjGEOM_CYLINDER => ShapeKind::Cylinder { radius_m: a, half_length_m: b },
+        MjtGeomBase::mjGEOM_ELLIPSOID => ShapeKind::Ellipsoid { semi_axes_m: [a, b, c] },
+        MjtGeomBase::mjGEOM_BOX => ShapeKind::Box { half_extents_m: [a, b, c] },
         MjtGeomBase::mjGEOM_MESH | MjtGeomBase::mjGEOM_SDF => {
             let aabb = model.geom_aabb()[geom];
             let centre = crate::rotation::turn(orientation, [aabb[0], aabb[1], aabb[2]]);
             position_m = [0, 1, 2].map(|i| position_m[i] + centre[i]);
-            ShapeKind::Box {
-                half_extents_m: [aabb[3], aabb[4], aabb[5]],
-            }
+            ShapeKind::Box { half_extents_m: [aabb[3], aabb[4], aabb[5]] }
         }
         MjtGeomBase::mjGEOM_PLANE | MjtGeomBase::mjGEOM_HFIELD => return None,
     };
@@ -51,16 +39,10 @@ fn shape(model: &MjModel, geom: usize) -> Option<Shape> {
         Err(_) => model.geom_rgba()[geom],
     };
     (rgba[3] > 0.0).then(|| Shape {
-        name: model
-            .id_to_name(MjtObjBase::mjOBJ_GEOM, geom)
-            .unwrap_or_default()
-            .to_owned(),
+        name: model.id_to_name(MjtObjBase::mjOBJ_GEOM, geom).unwrap_or_default().to_owned(),
         body: model.geom_bodyid()[geom] as usize,
         kind,
-        pose: Pose {
-            position_m,
-            orientation,
-        },
+        pose: Pose { position_m, orientation },
         rgba,
     })
 }

@@ -22,12 +22,7 @@ pub(crate) struct Sole {
 }
 
 /// Finds both soles. `data` holds the reference posture, its kinematics computed; there the feet are flat.
-pub(crate) fn find(
-    model: &MjModel,
-    data: &Data,
-    binding: &Binding,
-    name: &str,
-) -> Result<[Sole; 2], MujocoError> {
+pub(crate) fn find(model: &MjModel, data: &Data, binding: &Binding, name: &str) -> Result<[Sole; 2], MujocoError> {
     let mut soles = [Sole::default(), Sole::default()];
     for (side, sole) in soles.iter_mut().enumerate() {
         let body = binding.feet[side];
@@ -37,11 +32,8 @@ pub(crate) fn find(
             .collect();
         let lowest = |corners: &[[f64; 3]]| corners.iter().map(|c| c[2]).fold(f64::MAX, f64::min);
         let bottom = geoms.iter().map(|c| lowest(c)).fold(f64::MAX, f64::min);
-        let touching: Vec<[f64; 3]> = geoms
-            .into_iter()
-            .filter(|corners| lowest(corners) < bottom + SOLE_THICKNESS_M)
-            .flatten()
-            .collect();
+        let touching: Vec<[f64; 3]> =
+            geoms.into_iter().filter(|corners| lowest(corners) < bottom + SOLE_THICKNESS_M).flatten().collect();
         if touching.is_empty() {
             return Err(MujocoError::NotABiped {
                 model: name.into(),

@@ -50,17 +50,12 @@ pub(crate) fn load(source: &ModelSource) -> Result<Arc<MjModel>, MujocoError> {
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     let inputs = match source {
         ModelSource::File(path) => inputs(path),
-        ModelSource::Biped | ModelSource::Op3 => Some(Inputs {
-            candidates: Vec::new(),
-            has_assets: false,
-        }),
+        ModelSource::Biped | ModelSource::Op3 => Some(Inputs { candidates: Vec::new(), has_assets: false }),
     };
     let Some(inputs) = inputs else {
         return compile(source).map(Arc::new);
     };
-    let seen: Vec<_> = (inputs.candidates.iter())
-        .map(|path| (path.clone(), look(path)))
-        .collect();
+    let seen: Vec<_> = (inputs.candidates.iter()).map(|path| (path.clone(), look(path))).collect();
     if let Some(kept) = &*kept
         && kept.source == *source
         && kept.seen == seen
@@ -72,11 +67,7 @@ pub(crate) fn load(source: &ModelSource) -> Result<Arc<MjModel>, MujocoError> {
         Some(dir) => through(&dir, &inputs.candidates, || compile(source))?,
         None => compile(source)?,
     });
-    *kept = Some(Kept {
-        source: source.clone(),
-        seen,
-        model: Arc::clone(&model),
-    });
+    *kept = Some(Kept { source: source.clone(), seen, model: Arc::clone(&model) });
     Ok(model)
 }
 
@@ -106,12 +97,8 @@ fn look(path: &Path) -> Option<Look> {
 /// Every path where a file of this name may lie: MuJoCo looks in some of them, by rules of its own.
 fn places(name: &str, bases: &BTreeSet<PathBuf>, sub_dirs: &BTreeSet<String>) -> Vec<PathBuf> {
     let bare = Path::new(name).file_name().unwrap_or_default();
-    let dirs = bases
-        .iter()
-        .flat_map(|base| sub_dirs.iter().map(|sub| base.join(sub)));
-    let mut all: Vec<PathBuf> = dirs
-        .flat_map(|dir| [dir.join(name), dir.join(bare)])
-        .collect();
+    let dirs = bases.iter().flat_map(|base| sub_dirs.iter().map(|sub| base.join(sub)));
+    let mut all: Vec<PathBuf> = dirs.flat_map(|dir| [dir.join(name), dir.join(bare)]).collect();
     all.sort();
     all.dedup();
     all
@@ -121,10 +108,7 @@ fn places(name: &str, bases: &BTreeSet<PathBuf>, sub_dirs: &BTreeSet<String>) ->
 /// found nowhere, a plugin, XML that cannot be read.
 fn inputs(model: &Path) -> Option<Inputs> {
     if model.extension().is_some_and(|kind| kind == "mjb") {
-        return Some(Inputs {
-            candidates: vec![model.to_path_buf()],
-            has_assets: false,
-        });
+        return Some(Inputs { candidates: vec![model.to_path_buf()], has_assets: false });
     }
     let mut unread = vec![model.to_path_buf()];
     let mut read = BTreeSet::new();
@@ -176,10 +160,7 @@ fn inputs(model: &Path) -> Option<Inputs> {
             return None;
         }
     }
-    Some(Inputs {
-        candidates,
-        has_assets: !assets.is_empty(),
-    })
+    Some(Inputs { candidates, has_assets: !assets.is_empty() })
 }
 
 /// Takes a model from the entries of a directory, or compiles it and adds it there. Whatever goes wrong with the
@@ -207,21 +188,12 @@ fn through(
 /// The name of the entry for these files; `None` if one cannot be read.
 fn key(inputs: &[PathBuf]) -> Option<String> {
     let mut parts = MAGIC.to_vec();
-    for word in [
-        mujoco_version(),
-        std::env::consts::ARCH,
-        std::env::consts::OS,
-    ] {
+    for word in [mujoco_version(), std::env::consts::ARCH, std::env::consts::OS] {
         parts.extend(word.as_bytes());
         parts.push(0);
     }
     for path in inputs.iter().filter(|path| path.is_file()) {
-        parts.extend(
-            std::path::absolute(path)
-                .ok()?
-                .as_os_str()
-                .as_encoded_bytes(),
-        );
+        parts.extend(std::path::absolute(path).ok()?.as_os_str().as_encoded_bytes());
         parts.push(0);
         parts.extend(Sha256::digest(std::fs::read(path).ok()?));
     }
@@ -314,11 +286,7 @@ mod tests {
         let (model, kept) = (project(dir.path()), dir.path().join("kept"));
         let first = taken(&model, &kept);
         assert!(first.0);
-        assert_eq!(
-            taken(&model, &kept),
-            (false, first.1.clone()),
-            "the same to the byte"
-        );
+        assert_eq!(taken(&model, &kept), (false, first.1.clone()), "the same to the byte");
         let mesh = dir.path().join("meshes/cube.obj");
         std::fs::write(&mesh, CUBE.replace("v 1 0 0", "v 2 0 0")).unwrap();
         let changed = taken(&model, &kept);
@@ -329,12 +297,7 @@ mod tests {
         let good = std::fs::read(&entry).unwrap();
         let mut damaged = good.clone();
         damaged[good.len() / 2] ^= 1;
-        for bad in [
-            &damaged[..],
-            &good[..good.len() / 2],
-            b"something else",
-            b"",
-        ] {
+        for bad in [&damaged[..], &good[..good.len() / 2], b"something else", b""] {
             std::fs::write(&entry, bad).unwrap();
             assert_eq!(taken(&model, &kept), (true, first.1.clone()));
             assert_eq!(std::fs::read(&entry).unwrap(), good);
@@ -348,11 +311,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let model = project(dir.path());
         let found = inputs(&model).unwrap();
-        let files: Vec<_> = found
-            .candidates
-            .iter()
-            .filter(|path| path.is_file())
-            .collect();
+        let files: Vec<_> = found.candidates.iter().filter(|path| path.is_file()).collect();
         assert!(found.has_assets && files.len() == 3, "{files:?}");
         std::fs::remove_file(dir.path().join("meshes/cube.obj")).unwrap();
         assert!(inputs(&model).is_none());

@@ -23,39 +23,19 @@ const SIDEWAYS: f64 = 1e-9;
 pub(crate) fn problem(model: &MjModel) -> Option<String> {
     let flags = model.opt().disableflags;
     for (flag, name, effect) in [
-        (
-            MjtDisableBit::mjDSBL_GRAVITY,
-            "gravity",
-            "nothing has weight",
-        ),
-        (
-            MjtDisableBit::mjDSBL_CONTACT,
-            "contact",
-            "feet fall through the floor",
-        ),
-        (
-            MjtDisableBit::mjDSBL_CONSTRAINT,
-            "constraint",
-            "feet fall through the floor",
-        ),
-        (
-            MjtDisableBit::mjDSBL_ACTUATION,
-            "actuation",
-            "no joint can be driven",
-        ),
+        (MjtDisableBit::mjDSBL_GRAVITY, "gravity", "nothing has weight"),
+        (MjtDisableBit::mjDSBL_CONTACT, "contact", "feet fall through the floor"),
+        (MjtDisableBit::mjDSBL_CONSTRAINT, "constraint", "feet fall through the floor"),
+        (MjtDisableBit::mjDSBL_ACTUATION, "actuation", "no joint can be driven"),
     ] {
         if flags & flag as i32 != 0 {
-            return Some(format!(
-                "its <option><flag {name}=\"disable\"/> means that {effect}; remove it"
-            ));
+            return Some(format!("its <option><flag {name}=\"disable\"/> means that {effect}; remove it"));
         }
     }
     let [x, y, z] = model.opt().gravity;
     let level = x.hypot(y) <= SIDEWAYS * z.abs();
     (!(level && z < 0.0)).then(|| {
-        format!(
-            "its gravity is ({x}, {y}, {z}) m/s2; it must point down along z, as in gravity=\"0 0 -9.81\""
-        )
+        format!("its gravity is ({x}, {y}, {z}) m/s2; it must point down along z, as in gravity=\"0 0 -9.81\"")
     })
 }
 
@@ -82,16 +62,12 @@ fn floor_height(
             .filter(|&geom| binding.is_floor[geom])
             .filter(|&geom| {
                 let of_foot = |foot: &usize| binding.foot_of_geom[*foot] == Some(side as u8);
-                (0..model.ngeom() as usize)
-                    .filter(of_foot)
-                    .any(|foot| can_touch(model, foot, geom))
+                (0..model.ngeom() as usize).filter(of_foot).any(|foot| can_touch(model, foot, geom))
             })
             .collect();
         for &point in points {
             let below = |top: &f64| *top < torso_m;
-            let tops: Vec<f64> = (floors.iter())
-                .filter_map(|&geom| top(model, data, geom, point))
-                .collect();
+            let tops: Vec<f64> = (floors.iter()).filter_map(|&geom| top(model, data, geom, point)).collect();
             let floor = (tops.iter().copied().filter(below).reduce(f64::max))
                 .or_else(|| tops.iter().copied().reduce(f64::min))
                 .ok_or_else(|| nothing_under(side, point, floors.is_empty()))?;
@@ -136,15 +112,7 @@ fn top(model: &MjModel, data: &mut Data, geom: usize, [x, y, _]: [f64; 3]) -> Op
         MjtGeomBase::mjGEOM_HFIELD => data.try_ray_hfield(geom, &from, &down, None).ok()?,
         MjtGeomBase::mjGEOM_MESH => data.try_ray_mesh(geom, &from, &down, None).ok()?,
         MjtGeomBase::mjGEOM_SDF => return None,
-        kind => mju_ray_geom(
-            &origin,
-            &frame,
-            &model.geom_size()[geom],
-            &from,
-            &down,
-            kind,
-            None,
-        ),
+        kind => mju_ray_geom(&origin, &frame, &model.geom_size()[geom], &from, &down, kind, None),
     };
     (distance >= 0.0).then_some(RAY_FROM_M - distance)
 }
@@ -180,13 +148,8 @@ impl MujocoRobot {
             points.map(|&point| self.on_foot(side, point)).collect()
         });
         let (model, data) = (&self.model, &mut self.data);
-        self.floor_m =
-            floor_height(model, data, &self.binding, &points, torso_m).map_err(|reason| {
-                MujocoError::NotABiped {
-                    model: self.config.model.to_string(),
-                    reason,
-                }
-            })?;
+        self.floor_m = floor_height(model, data, &self.binding, &points, torso_m)
+            .map_err(|reason| MujocoError::NotABiped { model: self.config.model.to_string(), reason })?;
         self.data.reset();
         self.data.forward();
         Ok(())

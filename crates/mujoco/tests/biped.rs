@@ -58,10 +58,7 @@ fn floor_carries_the_weight_at_rest() -> Outcome {
     let cop = state.cop_m.ok_or("no load")?;
     assert!((cop[0] - state.com.position_m[0]).abs() < 1e-3);
     assert!(cop[1].abs() < 1e-3);
-    assert!(
-        state.joints[at(&robot, Side::Left, LegJoint::Knee)].torque_nm > 0.0,
-        "the knee is held up"
-    );
+    assert!(state.joints[at(&robot, Side::Left, LegJoint::Knee)].torque_nm > 0.0, "the knee is held up");
     Ok(())
 }
 
@@ -92,10 +89,7 @@ fn in_flight_it_falls_with_g_and_gains_the_impulse_of_a_push() -> Outcome {
         let gained = after - before;
         let expected = (force / 95.0 + gravity) * elapsed_s;
         // The integrator keeps momentum to its own order, the first, in the step of 1 ms.
-        assert!(
-            (gained - expected).abs() < 2e-3,
-            "axis {axis}: {gained} {expected}"
-        );
+        assert!((gained - expected).abs() < 2e-3, "axis {axis}: {gained} {expected}");
     }
     Ok(())
 }
@@ -131,20 +125,14 @@ fn overrides_reach_the_physics() -> Outcome {
     }
     let load_n: f64 = robot.state().feet.iter().map(|f| f.load_n).sum();
     assert!((load_n - 1.07 * 95.0 * 9.81).abs() < 1.0, "{load_n}");
-    assert_ne!(
-        robot.provenance()?.model_sha256,
-        nominal.provenance()?.model_sha256
-    );
+    assert_ne!(robot.provenance()?.model_sha256, nominal.provenance()?.model_sha256);
     Ok(())
 }
 
 #[test]
 fn feet_slip_on_ice_and_not_on_wood() -> Outcome {
     let slip = |friction| -> Result<f64, Box<dyn Error>> {
-        let (mut robot, rest) = standing(MujocoConfig {
-            friction: Some(friction),
-            ..MujocoConfig::default()
-        })?;
+        let (mut robot, rest) = standing(MujocoConfig { friction: Some(friction), ..MujocoConfig::default() })?;
         robot.set_push([60.0, 0.0, 0.0])?;
         let start_m = robot.state().foot(Side::Left).centre_m[0];
         for _ in 0..150 {
@@ -217,11 +205,7 @@ fn soles_are_level_in_any_posture_that_allows_it() -> Outcome {
 #[test]
 fn keeps_the_contract_disturbed_or_not() -> Outcome {
     let calm = MujocoConfig::default();
-    let disturbed = MujocoConfig {
-        start_joint_noise_deg: 0.5,
-        start_velocity_noise_m_s: 0.02,
-        ..calm.clone()
-    };
+    let disturbed = MujocoConfig { start_joint_noise_deg: 0.5, start_velocity_noise_m_s: 0.02, ..calm.clone() };
     let make = |config: &MujocoConfig| {
         let what = "the built-in biped";
         MujocoRobot::new(config.clone()).map_err(|_| RobotError::Unsupported { what })
@@ -237,11 +221,7 @@ fn has_a_shape_and_a_hash() -> Outcome {
     let shapes = robot.geometry();
     let mut poses = Vec::new();
     robot.poses(&mut poses);
-    assert_eq!(
-        poses.len(),
-        12,
-        "the world, the torso and ten bodies of the legs"
-    );
+    assert_eq!(poses.len(), 12, "the world, the torso and ten bodies of the legs");
     assert!(shapes.iter().all(|shape| !shape.name.is_empty()));
     assert!(shapes.iter().any(|shape| shape.name == "right_sole"));
     let provenance = robot.provenance()?;

@@ -42,10 +42,7 @@ fn stands_for_five_seconds_under_the_pd_law() -> Outcome {
     assert!((load_n - weight_n).abs() < 0.01 * weight_n, "{load_n} N");
     assert!((state.com.position_m[2] - height_m).abs() < 0.02);
     assert!(state.base.tilt_rad() < 0.1, "{}", state.base.tilt_rad());
-    assert!(
-        state.base.heading_rad().abs() < 0.05,
-        "the root's x points backwards, the robot's forward"
-    );
+    assert!(state.base.heading_rad().abs() < 0.05, "the root's x points backwards, the robot's forward");
     // The soles are 0.21 m long with their centre 0.03 m before the ankle, and 0.09 m wide.
     let cop = state.cop_m.ok_or("no load")?;
     let [left, right] = Side::BOTH.map(|side| state.foot(side).centre_m);
@@ -130,27 +127,15 @@ fn errors_name_what_is_missing_and_what_is_near() -> Outcome {
     let error = |change: fn(&mut MujocoConfig)| -> Result<String, Box<dyn Error>> {
         let mut config = config()?;
         change(&mut config);
-        Ok(MujocoRobot::new(config)
-            .err()
-            .ok_or("no error")?
-            .to_string())
+        Ok(MujocoRobot::new(config).err().ok_or("no error")?.to_string())
     };
     let says = error(|c| c.left.knee = Some("-L_knee".into()))?;
-    assert!(
-        says.starts_with("left.knee: the model has no joint named \"L_knee\""),
-        "{says}"
-    );
+    assert!(says.starts_with("left.knee: the model has no joint named \"L_knee\""), "{says}");
     assert!(says.contains("L_kn"), "{says}");
     let says = error(|c| c.right.foot = "soleR".into())?;
-    assert!(
-        says.contains("right.foot") && says.contains("sole_R"),
-        "{says}"
-    );
+    assert!(says.contains("right.foot") && says.contains("sole_R"), "{says}");
     let says = error(|c| c.right.knee = Some("-L_kn".into()))?;
-    assert!(
-        says.contains("left.knee and right.knee both name"),
-        "{says}"
-    );
+    assert!(says.contains("left.knee and right.knee both name"), "{says}");
     let says = error(|c| c.kp_nm_rad = None)?;
     assert!(says.contains("kp_nm_rad"), "{says}");
     let says = error(|c| c.left.knee = Some("float".into()))?;
@@ -169,9 +154,7 @@ fn errors_name_what_is_missing_and_what_is_near() -> Outcome {
 #[test]
 fn keeps_the_contract() -> Outcome {
     let make = |with: fn(MujocoConfig) -> MujocoConfig| {
-        let config = config().map(with).map_err(|_| RobotError::Unsupported {
-            what: "this configuration",
-        })?;
+        let config = config().map(with).map_err(|_| RobotError::Unsupported { what: "this configuration" })?;
         MujocoRobot::new(config).map_err(|_| RobotError::Unsupported { what: "this model" })
     };
     // Motors and bare joints take gains and torques; position servos, as the biped's, refuse them by name.
@@ -199,23 +182,14 @@ fn hip_yaws_are_leg_joints_where_they_are_named_and_ankle_rolls_may_be_left_out(
     assert_eq!(report.len(), 10);
     for joint in &report {
         let wrong = joint.problem.as_deref().map(|p| p.contains("+z"));
-        assert_eq!(
-            wrong,
-            (joint.joint == LegJoint::HipYaw).then_some(true),
-            "{joint:?}"
-        );
+        assert_eq!(wrong, (joint.joint == LegJoint::HipYaw).then_some(true), "{joint:?}");
     }
     let mut right = yawing_without_ankle_rolls(config()?);
     for (leg, name) in [(&mut right.left, "L_hip_z"), (&mut right.right, "R_hip_z")] {
         leg.hip_yaw = Some(name.into());
     }
     let mut upright = MujocoRobot::new(right.clone())?;
-    assert!(
-        upright
-            .joint_report()?
-            .iter()
-            .all(|joint| joint.problem.is_none())
-    );
+    assert!(upright.joint_report()?.iter().all(|joint| joint.problem.is_none()));
     // The same joints in the same order, whatever their roles; yawed by as much, the other way.
     let (rest, own) = (upright.description().rest(), robot.description().rest());
     assert_eq!(rest.joints.len(), 14);
@@ -235,10 +209,7 @@ fn hip_yaws_are_leg_joints_where_they_are_named_and_ankle_rolls_may_be_left_out(
     soft.joints[knee.joint].kd = Some(0.0);
     upright.step(&soft)?;
     let softened_nm = upright.state().joints[knee.joint].torque_nm;
-    assert!(
-        (softened_nm / held_nm - 0.1).abs() < 0.05,
-        "{softened_nm} of {held_nm}"
-    );
+    assert!((softened_nm / held_nm - 0.1).abs() < 0.05, "{softened_nm} of {held_nm}");
     // What is left out for the gait keeps its name for the rest posture.
     right.rest_deg.insert("ankle_roll".into(), 1.0);
     let says = MujocoRobot::new(right).err().ok_or("no error")?.to_string();
@@ -251,10 +222,9 @@ fn a_model_without_floor_or_freejoint_is_refused() -> Outcome {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(here.join("tests/models/foreign.xml"))?;
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    for (name, what, hint) in [
-        ("floorless.xml", "<geom name=\"ground\"", "floor"),
-        ("bolted.xml", "<freejoint name=\"float\"", "freejoint"),
-    ] {
+    for (name, what, hint) in
+        [("floorless.xml", "<geom name=\"ground\"", "floor"), ("bolted.xml", "<freejoint name=\"float\"", "freejoint")]
+    {
         let path = scratch.join(name);
         let start = text.find(what).ok_or("not in the model")?;
         let end = start + text[start..].find("/>").ok_or("not closed")? + 2;

@@ -24,10 +24,7 @@ fn edited(name: &str, parts: &[(&str, &str)]) -> Result<MujocoConfig, Box<dyn Er
     }
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.xml"));
     std::fs::write(&path, text)?;
-    Ok(MujocoConfig {
-        model: ModelSource::File(path),
-        ..Default::default()
-    })
+    Ok(MujocoConfig { model: ModelSource::File(path), ..Default::default() })
 }
 
 /// Why a model is refused.
@@ -42,20 +39,14 @@ fn stands(name: &str, config: MujocoConfig) -> Result<MujocoRobot, Box<dyn Error
     let rest = robot.description().rest();
     robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
     let start_m = robot.state().com.position_m[2];
-    assert!(
-        (start_m - 0.8124).abs() < 5e-4,
-        "{name}: {start_m} m above the floor"
-    );
+    assert!((start_m - 0.8124).abs() < 5e-4, "{name}: {start_m} m above the floor");
     for _ in 0..500 {
         robot.step(&rest)?;
         let height_m = robot.state().com.position_m[2];
         assert!((height_m - start_m).abs() < 0.005, "{name}: {height_m} m");
     }
     let load_n: f64 = robot.state().feet.iter().map(|f| f.load_n).sum();
-    assert!(
-        (load_n / (95.0 * 9.81) - 1.0).abs() < 0.01,
-        "{name}: {load_n} N"
-    );
+    assert!((load_n / (95.0 * 9.81) - 1.0).abs() < 0.01, "{name}: {load_n} N");
     Ok(robot)
 }
 
@@ -77,10 +68,7 @@ fn a_servo_in_other_units_is_the_same_servo() -> Outcome {
     // Control from -1 to 1 for -90 to 90 deg about 20 deg: force = kp (pi/2 ctrl + 0.349 - angle) - kv rate.
     let scaled = "<general gainprm=\"4712.38898\" biastype=\"affine\" biasprm=\"1047.197551 -3000 -105\" \
                   forcerange=\"-600 600\"/>";
-    let config = edited(
-        "scaled",
-        &[(SERVO, scaled), ("<position name", "<general name")],
-    )?;
+    let config = edited("scaled", &[(SERVO, scaled), ("<position name", "<general name")])?;
     let mut robot = stands("scaled", config.clone())?;
     let rest = robot.description().rest();
     let mut own = MujocoRobot::new(MujocoConfig::default())?;
@@ -91,10 +79,7 @@ fn a_servo_in_other_units_is_the_same_servo() -> Outcome {
     let knee = |robot: &MujocoRobot| robot.state().joints[LEFT_KNEE];
     assert!((knee(&robot).torque_nm - knee(&own).torque_nm).abs() < 1e-3);
     // Softer by the task: the same sag under the same load, whatever the units.
-    let soften = |config: MujocoConfig| MujocoConfig {
-        kp_nm_rad: Some(1500.0),
-        ..config
-    };
+    let soften = |config: MujocoConfig| MujocoConfig { kp_nm_rad: Some(1500.0), ..config };
     let sag = |config| -> Result<f64, Box<dyn Error>> {
         let mut robot = MujocoRobot::new(soften(config))?;
         robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
@@ -110,25 +95,16 @@ fn what_a_servo_cannot_be_told_is_no_part_of_its_range() -> Outcome {
     let narrow = SERVO.replace("kp=", "ctrlrange=\"-30 30\" kp=");
     let config = edited("narrow", &[(SERVO, &narrow)])?;
     let report = MujocoRobot::new(config)?.joint_report()?;
-    let knee = report
-        .iter()
-        .find(|j| j.joint == LegJoint::Knee)
-        .ok_or("no knee")?;
+    let knee = report.iter().find(|j| j.joint == LegJoint::Knee).ok_or("no knee")?;
     // <position> takes radians: -30 to 30 rad cut nothing off.
     assert!((knee.range_deg[0] + 140.0).abs() < 1e-9);
     let narrow = SERVO.replace("kp=", "ctrlrange=\"-0.5 0.5\" kp=");
     let config = edited("narrower", &[(SERVO, &narrow)])?;
     let report = MujocoRobot::new(config)?.joint_report()?;
-    let knee = report
-        .iter()
-        .find(|j| j.joint == LegJoint::Knee)
-        .ok_or("no knee")?;
+    let knee = report.iter().find(|j| j.joint == LegJoint::Knee).ok_or("no knee")?;
     assert!((knee.range_deg[0] + 0.5_f64.to_degrees()).abs() < 1e-9);
     let problem = knee.problem.as_deref().ok_or("rests within its range")?;
-    assert!(
-        problem.contains("rest angle of -40.0 deg is outside"),
-        "{problem}"
-    );
+    assert!(problem.contains("rest angle of -40.0 deg is outside"), "{problem}");
     Ok(())
 }
 
@@ -136,37 +112,17 @@ fn what_a_servo_cannot_be_told_is_no_part_of_its_range() -> Outcome {
 fn what_takes_no_angles_is_refused_by_name() -> Outcome {
     let knee = |by: &str| by.replace("NAME", "name=\"odd\" joint=\"left_knee\"");
     for (name, by, says) in [
-        (
-            "intvelocity",
-            "<intvelocity NAME kp=\"3000\" kv=\"105\" actrange=\"-3 3\"/>",
-            "rates",
-        ),
+        ("intvelocity", "<intvelocity NAME kp=\"3000\" kv=\"105\" actrange=\"-3 3\"/>", "rates"),
         ("velocity", "<velocity NAME kv=\"100\"/>", "rates"),
-        (
-            "damper",
-            "<damper NAME kv=\"10\" ctrlrange=\"0 1\"/>",
-            "gain that is not fixed",
-        ),
-        (
-            "cylinder",
-            "<cylinder NAME timeconst=\"0.1\" area=\"2\"/>",
-            "filter",
-        ),
-        (
-            "muscle",
-            "<muscle NAME lengthrange=\"0.1 2\" ctrlrange=\"0 1\"/>",
-            "muscle",
-        ),
+        ("damper", "<damper NAME kv=\"10\" ctrlrange=\"0 1\"/>", "gain that is not fixed"),
+        ("cylinder", "<cylinder NAME timeconst=\"0.1\" area=\"2\"/>", "filter"),
+        ("muscle", "<muscle NAME lengthrange=\"0.1 2\" ctrlrange=\"0 1\"/>", "muscle"),
         (
             "user",
             "<general NAME dyntype=\"user\" gainprm=\"3000\" biastype=\"affine\" biasprm=\"0 -3000 -105\" actdim=\"1\"/>",
             "dyntype",
         ),
-        (
-            "one_way",
-            "<position NAME kp=\"3000\" kv=\"105\" forcerange=\"0 600\"/>",
-            "no torque in one direction",
-        ),
+        ("one_way", "<position NAME kp=\"3000\" kv=\"105\" forcerange=\"0 600\"/>", "no torque in one direction"),
         (
             "second",
             "<position name=\"left_knee\" joint=\"left_knee\"/><position NAME kp=\"10\"/>",
@@ -174,14 +130,8 @@ fn what_takes_no_angles_is_refused_by_name() -> Outcome {
         ),
     ] {
         let message = refused(name, &[(KNEE, &knee(by))])?;
-        assert!(
-            message.contains("the joint \"left_knee\" has the actuator"),
-            "{name}: {message}"
-        );
-        assert!(
-            message.contains("odd") && message.contains(says),
-            "{name}: {message}"
-        );
+        assert!(message.contains("the joint \"left_knee\" has the actuator"), "{name}: {message}");
+        assert!(message.contains("odd") && message.contains(says), "{name}: {message}");
         assert!(message.contains("<position>"), "{name}: {message}");
     }
     Ok(())
@@ -198,27 +148,18 @@ fn what_would_act_unasked_is_refused_and_the_rest_let_be() -> Outcome {
     };
     let pull = tendon("<position name=\"pull\" tendon=\"rope\" kp=\"100\"/>");
     let message = refused("tendon", &[("</mujoco>", &pull)])?;
-    assert!(
-        message.contains("\"pull\"") && message.contains("leg joint"),
-        "{message}"
-    );
+    assert!(message.contains("\"pull\"") && message.contains("leg joint"), "{message}");
     let idle = tendon("<motor name=\"idle\" tendon=\"rope\"/>");
     stands("idle", edited("idle", &[("</mujoco>", &idle)])?)?;
     // A group that is switched off is not there.
     let off = [
-        (
-            "timestep=\"0.001\"",
-            "timestep=\"0.001\" actuatorgroupdisable=\"3\"",
-        ),
+        ("timestep=\"0.001\"", "timestep=\"0.001\" actuatorgroupdisable=\"3\""),
         ("</mujoco>", &pull.replace("kp=", "group=\"3\" kp=")),
     ];
     stands("off", edited("off", &off)?)?;
     let group = SERVO.replace("kp=", "group=\"3\" kp=");
     let message = refused("all_off", &[off[0], (SERVO, &group)])?;
-    assert!(
-        message.contains("no position servo that is enabled"),
-        "{message}"
-    );
+    assert!(message.contains("no position servo that is enabled"), "{message}");
     Ok(())
 }
 
@@ -227,22 +168,10 @@ fn the_floor_is_what_lies_under_the_feet() -> Outcome {
     let floor = |by: &str| vec![(FLOOR, by.to_owned())];
     let box_floor = "<geom class=\"floor\" type=\"box\" pos=\"0 0 -0.1\" size=\"20 20 0.1\"/>";
     let beside = [
-        (
-            "wall",
-            "<geom type=\"box\" pos=\"4 0 1\" size=\"0.1 4 1\" contype=\"1\"/>",
-        ),
-        (
-            "roof",
-            "<geom type=\"box\" pos=\"0 0 3\" size=\"9 9 0.1\" contype=\"1\"/>",
-        ),
-        (
-            "untouchable",
-            "<geom type=\"box\" pos=\"0 0 0.2\" size=\"9 9 0.1\" contype=\"2\"/>",
-        ),
-        (
-            "column",
-            "<body pos=\"1 1 0\"><geom type=\"cylinder\" size=\"0.2 2\" contype=\"1\"/></body>",
-        ),
+        ("wall", "<geom type=\"box\" pos=\"4 0 1\" size=\"0.1 4 1\" contype=\"1\"/>"),
+        ("roof", "<geom type=\"box\" pos=\"0 0 3\" size=\"9 9 0.1\" contype=\"1\"/>"),
+        ("untouchable", "<geom type=\"box\" pos=\"0 0 0.2\" size=\"9 9 0.1\" contype=\"2\"/>"),
+        ("column", "<body pos=\"1 1 0\"><geom type=\"cylinder\" size=\"0.2 2\" contype=\"1\"/></body>"),
     ];
     let hills = "<geom class=\"floor\" type=\"hfield\" hfield=\"hills\" pos=\"0 0 0.3\"/>";
     // A height field from 0 to 0.5 m that is flat, at 0.5 m of its range, where the robot stands.
@@ -259,18 +188,12 @@ fn the_floor_is_what_lies_under_the_feet() -> Outcome {
         if name == "hills" {
             parts.push(("<worldbody>", field.to_owned()));
         }
-        let parts: Vec<_> = parts
-            .iter()
-            .map(|(from, to)| (*from, to.as_str()))
-            .collect();
+        let parts: Vec<_> = parts.iter().map(|(from, to)| (*from, to.as_str())).collect();
         // The model's own start is deep in this floor; Stridemap puts the soles on it.
         let robot = stands(name, edited(name, &parts)?)?;
         let mut poses = Vec::new();
         robot.poses(&mut poses);
-        assert!(
-            (poses[0].position_m[2] + if name == "hills" { 0.8 } else { 0.3 }).abs() < 1e-9,
-            "{name}"
-        );
+        assert!((poses[0].position_m[2] + if name == "hills" { 0.8 } else { 0.3 }).abs() < 1e-9, "{name}");
     }
     for (name, what) in beside {
         let by = format!("{box_floor}{what}");
@@ -281,18 +204,9 @@ fn the_floor_is_what_lies_under_the_feet() -> Outcome {
     assert!(message.contains("not level"), "{message}");
     let step = format!("{FLOOR}<geom type=\"box\" pos=\"0 1 0\" size=\"1 1 0.03\" contype=\"1\"/>");
     let message = refused("step", &[(FLOOR, &step)])?;
-    assert!(
-        message.contains("not level") && message.contains("0.0300"),
-        "{message}"
-    );
-    let message = refused(
-        "away",
-        &[(FLOOR, &box_floor.replace("pos=\"0", "pos=\"30"))],
-    )?;
-    assert!(
-        message.contains("no floor under the left foot"),
-        "{message}"
-    );
+    assert!(message.contains("not level") && message.contains("0.0300"), "{message}");
+    let message = refused("away", &[(FLOOR, &box_floor.replace("pos=\"0", "pos=\"30"))])?;
+    assert!(message.contains("no floor under the left foot"), "{message}");
     Ok(())
 }
 
@@ -300,11 +214,7 @@ fn the_floor_is_what_lies_under_the_feet() -> Outcome {
 fn a_world_in_which_nothing_can_walk_is_refused() -> Outcome {
     let option = "<option timestep=\"0.001\"";
     for (name, to, says) in [
-        (
-            "sideways",
-            "gravity=\"1 0 -9.7\"",
-            "gravity is (1, 0, -9.7)",
-        ),
+        ("sideways", "gravity=\"1 0 -9.7\"", "gravity is (1, 0, -9.7)"),
         ("weightless", "gravity=\"0 0 0\"", "gravity"),
     ] {
         let message = refused(name, &[(option, &format!("{option} {to}"))])?;
@@ -313,10 +223,7 @@ fn a_world_in_which_nothing_can_walk_is_refused() -> Outcome {
     for flag in ["gravity", "contact", "constraint", "actuation"] {
         let to = format!("<flag {flag}=\"disable\" island=\"disable\"");
         let message = refused(flag, &[("<flag island=\"disable\"", &to)])?;
-        assert!(
-            message.contains(&format!("<flag {flag}=\"disable\"/>")),
-            "{message}"
-        );
+        assert!(message.contains(&format!("<flag {flag}=\"disable\"/>")), "{message}");
     }
     Ok(())
 }
@@ -326,14 +233,9 @@ fn a_world_in_which_nothing_can_walk_is_refused() -> Outcome {
 #[test]
 fn a_joint_drawn_at_its_ref_is_where_its_angle_says() -> Outcome {
     const BENT: &str = "17.188733853924695"; // 0.3 rad
-    let (knee, ankle) = (
-        "<joint name=\"left_knee\" axis=\"0 -1 0\"",
-        "<joint name=\"left_ankle_pitch\" axis=\"0 -1 0\"",
-    );
-    let (shank, foot) = (
-        "<body name=\"left_shank\" pos=\"0 0 -0.37\"",
-        "<body name=\"left_ankle\" pos=\"0 0 -0.37\"",
-    );
+    let (knee, ankle) =
+        ("<joint name=\"left_knee\" axis=\"0 -1 0\"", "<joint name=\"left_ankle_pitch\" axis=\"0 -1 0\"");
+    let (shank, foot) = ("<body name=\"left_shank\" pos=\"0 0 -0.37\"", "<body name=\"left_ankle\" pos=\"0 0 -0.37\"");
     let config = edited(
         "ref",
         &[

@@ -3,24 +3,16 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_mujoco::{
-    HardwareConfig, LegMap, ModelSource, MujocoConfig, MujocoRobot, SimulatedMachine, estimator,
-    kinematic_model,
+    HardwareConfig, LegMap, ModelSource, MujocoConfig, MujocoRobot, SimulatedMachine, estimator, kinematic_model,
 };
 use stridemap_robot::contract::{Start, check};
-use stridemap_robot::{
-    EstimatedRobot, LegJoint, Machine, Robot, RobotDescription, RobotError, Side,
-};
+use stridemap_robot::{EstimatedRobot, LegJoint, Machine, Robot, RobotDescription, RobotError, Side};
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn op3() -> MujocoConfig {
-    let rest = [
-        ("hip_pitch", 24.0),
-        ("knee", -40.0),
-        ("ankle_pitch", 20.0),
-        ("l_sho_roll", 75.0),
-        ("r_sho_roll", -75.0),
-    ];
+    let rest =
+        [("hip_pitch", 24.0), ("knee", -40.0), ("ankle_pitch", 20.0), ("l_sho_roll", 75.0), ("r_sho_roll", -75.0)];
     MujocoConfig {
         model: ModelSource::Op3,
         left: LegMap::op3(Side::Left),
@@ -78,11 +70,8 @@ fn kinematics_agree_with_the_simulator() -> Outcome {
     let hold = at_rest(machine.robot().description());
     machine.reset(&hold, &mut rng())?;
     for period in 0..100 {
-        let command: Vec<f64> = hold
-            .iter()
-            .enumerate()
-            .map(|(i, a)| a + 0.3 * (0.1 * f64::from(period) + i as f64).sin())
-            .collect();
+        let command: Vec<f64> =
+            hold.iter().enumerate().map(|(i, a)| a + 0.3 * (0.1 * f64::from(period) + i as f64).sin()).collect();
         let frame = machine.step(&command)?.clone();
         let angles: Vec<f64> = frame.joints.iter().map(|j| j.position_rad).collect();
         let placed = model.place(&angles, frame.orientation);
@@ -102,11 +91,7 @@ fn kinematics_agree_with_the_simulator() -> Outcome {
 }
 
 fn estimated(hardware: Option<HardwareConfig>) -> Result<EstimatedRobot<SimulatedMachine>, String> {
-    let config = MujocoConfig {
-        estimated: true,
-        hardware,
-        ..op3()
-    };
+    let config = MujocoConfig { estimated: true, hardware, ..op3() };
     let machine = SimulatedMachine::new(&config).map_err(|e| e.to_string())?;
     let estimator = estimator(&config).map_err(|e| e.to_string())?;
     EstimatedRobot::new(machine, estimator).map_err(|e| e.to_string())
@@ -178,24 +163,16 @@ fn commands_and_readings_are_late_by_their_delays() -> Outcome {
         ..HardwareConfig::default()
     };
     let hold = at_rest(MujocoRobot::new(op3())?.description());
-    let run = |command_delay_s: f64,
-               sensor_delay_s: f64|
-     -> Result<Vec<f64>, Box<dyn std::error::Error>> {
+    let run = |command_delay_s: f64, sensor_delay_s: f64| -> Result<Vec<f64>, Box<dyn std::error::Error>> {
         let config = MujocoConfig {
-            hardware: Some(HardwareConfig {
-                command_delay_s,
-                sensor_delay_s,
-                ..quiet.clone()
-            }),
+            hardware: Some(HardwareConfig { command_delay_s, sensor_delay_s, ..quiet.clone() }),
             ..op3()
         };
         let mut machine = SimulatedMachine::new(&config)?;
         machine.reset(&hold, &mut rng())?;
         let mut command = hold.clone();
         command[0] += 0.2;
-        (0..40)
-            .map(|_| Ok(machine.step(&command)?.joints[0].position_rad))
-            .collect()
+        (0..40).map(|_| Ok(machine.step(&command)?.joints[0].position_rad)).collect()
     };
     let prompt = run(0.0, 0.0)?;
     let commands_late = run(0.008, 0.0)?;

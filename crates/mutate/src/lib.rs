@@ -112,12 +112,7 @@ fn mutant(files: &[(String, Vec<u8>)], file: usize, mutations: &[Mutation]) -> V
 fn runner(seed: u64) -> TestRunner {
     let mut bytes = [0; 32];
     bytes[..8].copy_from_slice(&seed.to_le_bytes());
-    let config = Config {
-        cases: CASES,
-        failure_persistence: None,
-        max_shrink_time: 60_000,
-        ..Config::default()
-    };
+    let config = Config { cases: CASES, failure_persistence: None, max_shrink_time: 60_000, ..Config::default() };
     TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes))
 }
 
@@ -165,10 +160,7 @@ pub fn fuzz(name: &str, corpus: &Corpus, target: impl Fn(&str, &[u8])) {
             let bytes = mutant(corpus.files(), file, &mutations);
             let _ = std::fs::write(&at_work, &bytes);
             let (path, text) = (at_work.display(), String::from_utf8_lossy(&bytes));
-            assert!(
-                bytes.is_empty(),
-                "{name}, seed {seed}: {why}\n{mutations:?}\nin {path}:\n{text:.3000}"
-            );
+            assert!(bytes.is_empty(), "{name}, seed {seed}: {why}\n{mutations:?}\nin {path}:\n{text:.3000}");
         }
         seed += 1;
         if long.is_none_or(|long| started.elapsed() >= long) {

@@ -136,9 +136,7 @@ impl Mutation {
                 }
             }
             Self::Again(at, n) => bytes.extend_from_within(run(at, *n, size)),
-            Self::Number(at, number) => {
-                replace(bytes, &tokens(bytes, is_number), at, number.as_bytes())
-            }
+            Self::Number(at, number) => replace(bytes, &tokens(bytes, is_number), at, number.as_bytes()),
             Self::Name(at, from) => {
                 let names = tokens(bytes, is_name);
                 if !names.is_empty() {
@@ -155,11 +153,7 @@ impl Mutation {
             Self::Move(from, to) => {
                 let line = from.get(&lines(bytes)).clone();
                 let moved: Vec<u8> = bytes.drain(line).collect();
-                let to = if bytes.is_empty() {
-                    0
-                } else {
-                    to.get(&lines(bytes)).start
-                };
+                let to = if bytes.is_empty() { 0 } else { to.get(&lines(bytes)).start };
                 bytes.splice(to..to, moved);
             }
         }
@@ -188,11 +182,8 @@ fn tokens(bytes: &[u8], kind: fn(u8) -> bool) -> Vec<Range<usize>> {
     while from < bytes.len() {
         let count = bytes[from..].iter().take_while(|byte| kind(**byte)).count();
         let token = &bytes[from..from + count];
-        let begins = if figures {
-            token.iter().any(u8::is_ascii_digit)
-        } else {
-            token.iter().any(u8::is_ascii_alphabetic)
-        };
+        let begins =
+            if figures { token.iter().any(u8::is_ascii_digit) } else { token.iter().any(u8::is_ascii_alphabetic) };
         if begins {
             found.push(from..from + count);
         }
@@ -220,8 +211,7 @@ mod tests {
     #[test]
     fn tokens_are_whole_numbers_and_whole_words() {
         let text = b"reward = -2.5e-3, k_2 = 7";
-        let found =
-            |kind| -> Vec<&[u8]> { tokens(text, kind).into_iter().map(|at| &text[at]).collect() };
+        let found = |kind| -> Vec<&[u8]> { tokens(text, kind).into_iter().map(|at| &text[at]).collect() };
         assert_eq!(found(is_number), [&b"-2.5e-3"[..], b"2", b"7"]);
         assert_eq!(found(is_name), [&b"reward"[..], b"5e", b"k_2"]);
     }
@@ -229,18 +219,11 @@ mod tests {
     /// Most of what is made is nearly right: a file but for a stretch of it.
     #[test]
     fn mutants_keep_most_of_a_file() {
-        let file: Vec<u8> = (0..200)
-            .flat_map(|i| format!("key_{i} = {i}\n").into_bytes())
-            .collect();
+        let file: Vec<u8> = (0..200).flat_map(|i| format!("key_{i} = {i}\n").into_bytes()).collect();
         let corpus = Corpus::from([("file", file.clone())]);
         let near = |(_, mutant): &(String, Vec<u8>)| {
             let same = mutant.iter().zip(&file).take_while(|(a, b)| a == b).count();
-            let end = mutant
-                .iter()
-                .rev()
-                .zip(file.iter().rev())
-                .take_while(|(a, b)| a == b)
-                .count();
+            let end = mutant.iter().rev().zip(file.iter().rev()).take_while(|(a, b)| a == b).count();
             same + end > file.len() / 2
         };
         assert!(corpus.mutants(3).take(400).filter(near).count() > 200);

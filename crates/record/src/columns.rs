@@ -8,23 +8,13 @@ use stridemap_robot::Side;
 
 use crate::error::RecordError;
 use crate::files::read_bytes;
-use crate::stride::{
-    Fall, FallCriterion, StrideMeasures, StridePhase, StrideRole, Transition, side_name,
-};
+use crate::stride::{Fall, FallCriterion, StrideMeasures, StridePhase, StrideRole, Transition, side_name};
 use crate::table::{Row, Rows, Table};
 
 /// Why a stride was a fall or a stall; empty cells where it was none. Tables of earlier versions lack them.
 const FALL: [&str; 3] = ["fall_criterion", "fall_value", "fall_threshold"];
 
-const FIRST: [&str; 7] = [
-    "iteration",
-    "phase",
-    "role",
-    "episode",
-    "k",
-    "time_s",
-    "stance",
-];
+const FIRST: [&str; 7] = ["iteration", "phase", "role", "episode", "k", "time_s", "stance"];
 
 /// The column of `record.csv` that the other table has not: the measured policy.
 const WHAT: &str = "what";
@@ -112,11 +102,7 @@ impl Columns {
         self.strides(&Table::parse(path, &text(path)?, rows)?, rows)
     }
 
-    pub(crate) fn strides(
-        &self,
-        table: &Table,
-        rows: Rows,
-    ) -> Result<Vec<Transition>, RecordError> {
+    pub(crate) fn strides(&self, table: &Table, rows: Rows) -> Result<Vec<Transition>, RecordError> {
         if rows != Rows::First(0) {
             self.check(table)?;
         }
@@ -155,21 +141,14 @@ impl Columns {
                 }
             });
             let named = named.collect::<Vec<_>>().join(", ");
-            return bad(format!(
-                "lacks the columns {named} of a stride of this task"
-            ));
+            return bad(format!("lacks the columns {named} of a stride of this task"));
         }
         let mark = [';', '\t'].into_iter();
-        match mark
-            .filter(|_| header.len() == 1)
-            .find(|mark| header.as_slice().contains(*mark))
-        {
+        match mark.filter(|_| header.len() == 1).find(|mark| header.as_slice().contains(*mark)) {
             Some(mark) => bad(format!(
                 "separates its columns by {mark:?}; a table of strides by commas, with a point in its numbers"
             )),
-            None => {
-                bad("is no table of strides: its first line names none of their columns".into())
-            }
+            None => bad("is no table of strides: its first line names none of their columns".into()),
         }
     }
 
@@ -212,12 +191,7 @@ impl Columns {
 
 const STANCES: [Option<Side>; 3] = [Some(Side::Left), Some(Side::Right), None];
 
-const ENDS: [StrideEnd; 4] = [
-    StrideEnd::Crossing,
-    StrideEnd::Fell,
-    StrideEnd::NoCrossing,
-    StrideEnd::Aborted,
-];
+const ENDS: [StrideEnd; 4] = [StrideEnd::Crossing, StrideEnd::Fell, StrideEnd::NoCrossing, StrideEnd::Aborted];
 
 /// The text of a CSV file, its lines ended by line feeds.
 fn text(path: &Path) -> Result<String, RecordError> {
@@ -227,11 +201,7 @@ fn text(path: &Path) -> Result<String, RecordError> {
         RecordError::content(path, Some(line), "is not text in UTF-8")
     })?;
     // Alone, as an old Mac ends lines; the reader would not count them.
-    Ok(if text.contains('\n') {
-        text
-    } else {
-        text.replace('\r', "\n")
-    })
+    Ok(if text.contains('\n') { text } else { text.replace('\r', "\n") })
 }
 
 #[cfg(test)]
@@ -241,14 +211,8 @@ mod tests {
 
     fn table() -> Columns {
         Columns::new(&ProcessSpec {
-            state: vec![StateDimension {
-                name: "psi_roll_deg".into(),
-            }],
-            action: vec![ActionDimension {
-                name: "step_amplitude_deg".into(),
-                lower: -1.0,
-                upper: 1.0,
-            }],
+            state: vec![StateDimension { name: "psi_roll_deg".into() }],
+            action: vec![ActionDimension { name: "step_amplitude_deg".into(), lower: -1.0, upper: 1.0 }],
         })
     }
 
@@ -270,10 +234,7 @@ mod tests {
             fall: None,
             true_psi_roll_deg: None,
             true_forward_m: None,
-            measures: StrideMeasures {
-                energy_j: 12.5,
-                ..Default::default()
-            },
+            measures: StrideMeasures { energy_j: 12.5, ..Default::default() },
         }
     }
 
@@ -301,16 +262,10 @@ mod tests {
             ("carriage returns", plain.replace('\n', "\r")),
             ("both", plain.replace('\n', "\r\n")),
             ("blank lines", plain.replace('\n', "\n\n") + "\n \n"),
-            (
-                "lines of commas",
-                format!("{plain}{}\n", ",".repeat(header.matches(',').count())),
-            ),
+            ("lines of commas", format!("{plain}{}\n", ",".repeat(header.matches(',').count()))),
             ("no end of the last line", plain.trim_end().into()),
             ("spaces", plain.replace(',', " , ")),
-            (
-                "a column of row names",
-                format!("\"\",{header}\n1,{row}\n2,{row}\n"),
-            ),
+            ("a column of row names", format!("\"\",{header}\n1,{row}\n2,{row}\n")),
         ] {
             std::fs::write(&path, &text).unwrap();
             let read = table().read(&path, Rows::All).unwrap();
@@ -319,10 +274,7 @@ mod tests {
         let bad = plain.replacen("-0.25", "-0.2.5", 1).replace('\n', "\r");
         std::fs::write(&path, bad).unwrap();
         let error = table().read(&path, Rows::All).unwrap_err().to_string();
-        assert!(
-            error.contains("transitions.csv:2: reward = \"-0.2.5\""),
-            "{error}"
-        );
+        assert!(error.contains("transitions.csv:2: reward = \"-0.2.5\""), "{error}");
     }
 
     #[test]
@@ -331,30 +283,12 @@ mod tests {
         let path = dir.path().join("transitions.csv");
         let (header, row) = (table().header(), table().row(&transition()));
         for (bytes, expected) in [
-            (
-                format!("{header}\n{row}\n").replace(',', ";").into_bytes(),
-                "columns by ';'",
-            ),
-            (
-                b"iteration,\nphase\xff".to_vec(),
-                "transitions.csv:2: is not text in UTF-8",
-            ),
-            (
-                b"\xff\xfei\0t\0".to_vec(),
-                "transitions.csv:1: is not text in UTF-8",
-            ),
-            (
-                format!("{header}\n{row},7\n").into_bytes(),
-                "2: 33 cells under 32 columns",
-            ),
-            (
-                header.replace("reward", "Reward").into_bytes(),
-                "lacks the columns reward (is it \"Reward\"?)",
-            ),
-            (
-                format!("{header},k\n").into_bytes(),
-                "names the column k twice",
-            ),
+            (format!("{header}\n{row}\n").replace(',', ";").into_bytes(), "columns by ';'"),
+            (b"iteration,\nphase\xff".to_vec(), "transitions.csv:2: is not text in UTF-8"),
+            (b"\xff\xfei\0t\0".to_vec(), "transitions.csv:1: is not text in UTF-8"),
+            (format!("{header}\n{row},7\n").into_bytes(), "2: 33 cells under 32 columns"),
+            (header.replace("reward", "Reward").into_bytes(), "lacks the columns reward (is it \"Reward\"?)"),
+            (format!("{header},k\n").into_bytes(), "names the column k twice"),
         ] {
             std::fs::write(&path, bytes).unwrap();
             let error = table().read(&path, Rows::All).unwrap_err().to_string();
@@ -368,11 +302,7 @@ mod tests {
         let path = dir.path().join("transitions.csv");
         let fell = Transition {
             end: StrideEnd::Fell,
-            fall: Some(Fall {
-                criterion: FallCriterion::Tilt,
-                value: 45.1 + 0.2,
-                threshold: 45.0,
-            }),
+            fall: Some(Fall { criterion: FallCriterion::Tilt, value: 45.1 + 0.2, threshold: 45.0 }),
             ..transition()
         };
         let text = format!("{}\n{}\n", table().header(), table().row(&fell));
@@ -380,14 +310,8 @@ mod tests {
         assert_eq!(table().read(&path, Rows::All).unwrap(), vec![fell.clone()]);
         std::fs::write(&path, text.replace(",tilt,", ",tipped,")).unwrap();
         let error = table().read(&path, Rows::All).unwrap_err().to_string();
-        assert!(
-            error.contains(":2: fall_criterion = \"tipped\"; it is one of psi_roll, height"),
-            "{error}"
-        );
-        let older: String = text
-            .lines()
-            .map(|l| l.rsplitn(4, ',').last().unwrap().to_owned() + "\n")
-            .collect();
+        assert!(error.contains(":2: fall_criterion = \"tipped\"; it is one of psi_roll, height"), "{error}");
+        let older: String = text.lines().map(|l| l.rsplitn(4, ',').last().unwrap().to_owned() + "\n").collect();
         assert!(!older.contains("fall_"));
         std::fs::write(&path, older).unwrap();
         let read = table().read(&path, Rows::All).unwrap();
@@ -419,16 +343,11 @@ mod tests {
             table().read(&path, Rows::All).unwrap_err().to_string()
         };
         let error = said("hello\n");
-        assert!(
-            error.contains("transitions.csv:1: is no table of strides"),
-            "{error}"
-        );
+        assert!(error.contains("transitions.csv:1: is no table of strides"), "{error}");
         let header = table().header().replace("next_psi_roll_deg", "psi");
         let error = said(&header);
         assert!(
-            error.ends_with(
-                "transitions.csv:1: lacks the columns next_psi_roll_deg of a stride of this task"
-            ),
+            error.ends_with("transitions.csv:1: lacks the columns next_psi_roll_deg of a stride of this task"),
             "{error}"
         );
     }

@@ -46,29 +46,14 @@ pub enum RecordError {
 
 impl RecordError {
     /// A file that holds something else than it should.
-    pub fn content(
-        path: impl Into<PathBuf>,
-        line: Option<usize>,
-        problem: impl Into<String>,
-    ) -> Self {
-        Self::Content {
-            path: path.into(),
-            line,
-            problem: problem.into(),
-        }
+    pub fn content(path: impl Into<PathBuf>, line: Option<usize>, problem: impl Into<String>) -> Self {
+        Self::Content { path: path.into(), line, problem: problem.into() }
     }
 
     /// A file or directory that cannot be read or written.
-    pub fn file(
-        path: impl Into<PathBuf>,
-        doing: &'static str,
-    ) -> impl FnOnce(std::io::Error) -> Self {
+    pub fn file(path: impl Into<PathBuf>, doing: &'static str) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::File {
-            path,
-            doing,
-            source,
-        }
+        move |source| Self::File { path, doing, source }
     }
 
     /// Whether the request itself was wrong, rather than something that happened while working.

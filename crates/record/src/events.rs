@@ -45,9 +45,7 @@ fn events(run: &Path) -> Vec<Value> {
     let text = std::fs::read(run.join(EVENTS)).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let lines = text.lines();
-    lines
-        .filter_map(|line| serde_json::from_str(line).ok())
-        .collect()
+    lines.filter_map(|line| serde_json::from_str(line).ok()).collect()
 }
 
 /// The falls in starts since the last checkpoint.
@@ -57,13 +55,7 @@ pub fn falls_in_starts(run: &Path, iteration: usize) -> Vec<RobotFall> {
     let since = events.take_while(|event| event["event"] != "checkpoint");
     let fell = since.filter(|event| event["event"] == FELL_IN_START);
     let fell = fell.filter_map(|event| serde_json::from_value(event).ok());
-    let fell = fell.map(|fall| RobotFall {
-        iteration,
-        phase: StridePhase::Collect,
-        what: None,
-        stride: None,
-        fall,
-    });
+    let fell = fell.map(|fall| RobotFall { iteration, phase: StridePhase::Collect, what: None, stride: None, fall });
     fell.collect()
 }
 
@@ -83,10 +75,7 @@ pub(crate) fn stopped(run: &Path) -> Option<Stop> {
         let word = |key: &str| event.get(key).and_then(Value::as_str);
         match (word("event"), word("reason")) {
             (Some("stopped"), Some(reason)) => {
-                stop = Some(Stop {
-                    time: word("time").unwrap_or_default().to_owned(),
-                    reason: reason.to_owned(),
-                });
+                stop = Some(Stop { time: word("time").unwrap_or_default().to_owned(), reason: reason.to_owned() });
             }
             (Some("resumed" | "end"), _) => stop = None,
             _ => {}
@@ -113,12 +102,6 @@ mod tests {
         assert_eq!(of(&[first]).unwrap().reason, "interrupted");
         assert_eq!(of(&[first, again]), None);
         let torn = of(&[first, again, "\u{fffd}", last, "{\"time\":\"20"]);
-        assert_eq!(
-            torn,
-            Some(Stop {
-                time: "2026-01-01T00:00:02Z".into(),
-                reason: "the robot fell 4 times".into()
-            })
-        );
+        assert_eq!(torn, Some(Stop { time: "2026-01-01T00:00:02Z".into(), reason: "the robot fell 4 times".into() }));
     }
 }

@@ -24,10 +24,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
 ///
 /// [`RecordError::Unwritable`].
 pub fn check_file(path: &Path) -> Result<(), RecordError> {
-    stridemap_files::check_file(path).map_err(|source| RecordError::Unwritable {
-        path: path.into(),
-        source,
-    })
+    stridemap_files::check_file(path).map_err(|source| RecordError::Unwritable { path: path.into(), source })
 }
 
 /// Whether files could be written into a directory, which need not be there yet; makes nothing.
@@ -36,10 +33,7 @@ pub fn check_file(path: &Path) -> Result<(), RecordError> {
 ///
 /// [`RecordError::Unwritable`].
 pub fn check_dir(path: &Path) -> Result<(), RecordError> {
-    stridemap_files::check_dir(path).map_err(|source| RecordError::Unwritable {
-        path: path.into(),
-        source,
-    })
+    stridemap_files::check_dir(path).map_err(|source| RecordError::Unwritable { path: path.into(), source })
 }
 
 fn unfit(path: &Path) -> impl FnOnce(serde_json::Error) -> RecordError {
@@ -95,10 +89,7 @@ pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, Recor
 }
 
 /// Reads JSON that came from a file; one of another version than [`crate::FORMAT`] is refused by that.
-pub(crate) fn parse_json<T: serde::de::DeserializeOwned>(
-    path: &Path,
-    text: &str,
-) -> Result<T, RecordError> {
+pub(crate) fn parse_json<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> Result<T, RecordError> {
     #[derive(serde::Deserialize)]
     struct Version {
         format: u32,
@@ -130,10 +121,7 @@ pub fn create_dir(path: &Path) -> Result<(), RecordError> {
 ///
 /// [`RecordError::Locked`].
 pub fn lock(run: &Path) -> Result<Lock, RecordError> {
-    Lock::take(run).map_err(|source| RecordError::Locked {
-        path: run.into(),
-        source,
-    })
+    Lock::take(run).map_err(|source| RecordError::Locked { path: run.into(), source })
 }
 
 /// Removes what killed processes left aside in a directory.
@@ -180,8 +168,7 @@ impl Log {
         let old = match fs::read(path) {
             Ok(bytes) => bytes,
             Err(error)
-                if error.kind() == std::io::ErrorKind::NotFound
-                    && matches!(keep, Keep::Lines | Keep::Rows(0)) =>
+                if error.kind() == std::io::ErrorKind::NotFound && matches!(keep, Keep::Lines | Keep::Rows(0)) =>
             {
                 Vec::new()
             }
@@ -196,11 +183,7 @@ impl Log {
             kept_bytes: 0,
             cut_line: old.last().is_some_and(|byte| *byte != b'\n'),
         };
-        let mut ends = old
-            .iter()
-            .enumerate()
-            .filter(|(_, b)| **b == b'\n')
-            .map(|(i, _)| i + 1);
+        let mut ends = old.iter().enumerate().filter(|(_, b)| **b == b'\n').map(|(i, _)| i + 1);
         let content = |line, problem| Err(RecordError::content(path, line, problem));
         match keep {
             Keep::Lines => log.kept_bytes = whole_lines(&old),
@@ -210,19 +193,13 @@ impl Log {
                     return Ok(log);
                 };
                 if old[..first].strip_suffix(b"\n") != Some(header.as_bytes()) {
-                    return content(
-                        Some(1),
-                        format!("its columns are not those that this version writes: {header}"),
-                    );
+                    return content(Some(1), format!("its columns are not those that this version writes: {header}"));
                 }
                 let rows: Vec<usize> = ends.take(keep).collect();
                 if rows.len() < keep {
                     return content(
                         None,
-                        format!(
-                            "holds {} rows where the checkpoint counts {keep}; it was changed since",
-                            rows.len()
-                        ),
+                        format!("holds {} rows where the checkpoint counts {keep}; it was changed since", rows.len()),
                     );
                 }
                 log.kept_bytes = rows.last().copied().unwrap_or(first) as u64;
@@ -282,10 +259,7 @@ impl Log {
     ///
     /// [`RecordError::File`].
     pub fn sync(&self) -> Result<(), RecordError> {
-        self.file
-            .as_ref()
-            .map_or(Ok(()), File::sync_data)
-            .map_err(RecordError::file(&self.path, "write"))
+        self.file.as_ref().map_or(Ok(()), File::sync_data).map_err(RecordError::file(&self.path, "write"))
     }
 
     /// Rows so far, the header not counted; of a log of which every line was kept, those appended.
@@ -330,22 +304,12 @@ mod tests {
         fs::write(&path, cut).unwrap();
         let mut log = Log::open(&path, "a,b", Keep::Rows(2)).unwrap();
         assert!(log.has_cut_line());
-        assert_eq!(
-            read_text(&path).unwrap(),
-            cut,
-            "nothing is changed before a row is written"
-        );
+        assert_eq!(read_text(&path).unwrap(), cut, "nothing is changed before a row is written");
         log.append("7,8").unwrap();
         assert_eq!(log.rows(), 3);
         assert_eq!(read_text(&path).unwrap(), "a,b\n1,2\n3,4\n7,8\n");
-        let short = Log::open(&path, "a,b", Keep::Rows(9))
-            .err()
-            .unwrap()
-            .to_string();
-        assert!(
-            short.contains("holds 3 rows where the checkpoint counts 9"),
-            "{short}"
-        );
+        let short = Log::open(&path, "a,b", Keep::Rows(9)).err().unwrap().to_string();
+        assert!(short.contains("holds 3 rows where the checkpoint counts 9"), "{short}");
         assert!(Log::open(&path, "a,c", Keep::Rows(1)).is_err());
     }
 

@@ -54,10 +54,7 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
         text.push_str(",value");
     }
     text.push('\n');
-    let middle: Vec<f64> = ranges
-        .iter()
-        .map(|[low, high]| 0.5 * (low + high))
-        .collect();
+    let middle: Vec<f64> = ranges.iter().map(|[low, high]| 0.5 * (low + high)).collect();
     for (along, range) in ranges.iter().enumerate() {
         let [low, high] = widened(*range);
         for value in axis(low, high, LINE) {
@@ -96,19 +93,12 @@ impl Cut {
         let (spec, samples) = (map.spec(), map.samples());
         let span = |value: &dyn Fn(usize) -> f64| {
             let all = (0..samples.len()).map(value);
-            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
-                [l.min(v), h.max(v)]
-            })
+            all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
         };
-        let states: Vec<[f64; 2]> = (0..spec.state.len())
-            .map(|d| span(&|i| samples[i].state[d]))
-            .collect();
-        let actions: Vec<[f64; 2]> = (0..spec.action.len())
-            .map(|d| span(&|i| samples[i].action[d]))
-            .collect();
-        let mut state: Vec<f64> = (0..spec.state.len())
-            .map(|d| median(samples.iter().map(|s| s.state[d]).collect()))
-            .collect();
+        let states: Vec<[f64; 2]> = (0..spec.state.len()).map(|d| span(&|i| samples[i].state[d])).collect();
+        let actions: Vec<[f64; 2]> = (0..spec.action.len()).map(|d| span(&|i| samples[i].action[d])).collect();
+        let mut state: Vec<f64> =
+            (0..spec.state.len()).map(|d| median(samples.iter().map(|s| s.state[d]).collect())).collect();
         for _ in 0..STRIDES {
             let action = policy.mean(&state);
             let (next, _) = map.predict(&state, &action, &action)?;
@@ -210,11 +200,7 @@ pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, Proc
             for value in state.iter().chain(&action) {
                 let _ = write!(text, ",{value}");
             }
-            let predicted = p
-                .means
-                .iter()
-                .copied()
-                .zip(p.latent_variances.iter().copied());
+            let predicted = p.means.iter().copied().zip(p.latent_variances.iter().copied());
             for ((mean, variance), gp) in predicted.chain(p.reward).zip(&outputs) {
                 let noise = gp.hyperparameters().noise_variance;
                 let _ = write!(text, ",{mean},{},{}", variance.sqrt(), noise.sqrt());
@@ -336,10 +322,6 @@ impl LineGrid {
                 noise_std: table.numbers(&format!("noise_std_{name}"))?,
             })
         });
-        Ok(Self {
-            along: table.counts("along")?,
-            inputs,
-            outputs: outputs.collect::<Result<_, RecordError>>()?,
-        })
+        Ok(Self { along: table.counts("along")?, inputs, outputs: outputs.collect::<Result<_, RecordError>>()? })
     }
 }

@@ -216,11 +216,7 @@ impl Region {
     #[must_use]
     pub fn nearest(&self, point: &[f64]) -> Vec<f64> {
         let bounds = self.lower.iter().zip(&self.upper);
-        point
-            .iter()
-            .zip(bounds)
-            .map(|(p, (l, u))| p.clamp(*l, *u))
-            .collect()
+        point.iter().zip(bounds).map(|(p, (l, u))| p.clamp(*l, *u)).collect()
     }
 }
 

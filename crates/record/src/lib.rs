@@ -39,12 +39,8 @@ mod table;
 
 pub use columns::Columns;
 pub use error::RecordError;
-pub use events::{
-    EVENTS, EVENTS_HEADER, FELL_IN_START, Stop, append_event, event_line, falls_in_starts,
-};
-pub use iteration::{
-    Checkpoint, GuardWarning, InPlace, Iteration, Phase, Proof, Region, Seconds, Verdict, Warning,
-};
+pub use events::{EVENTS, EVENTS_HEADER, FELL_IN_START, Stop, append_event, event_line, falls_in_starts};
+pub use iteration::{Checkpoint, GuardWarning, InPlace, Iteration, Phase, Proof, Region, Seconds, Verdict, Warning};
 pub use learning::{LearningRow, World};
 pub use measured::{Measured, Performance, Spread, Walk, WalkTimes};
 pub use poses::{Frame, Pace, Recording};
@@ -52,9 +48,7 @@ pub use provenance::{Asked, Provenance, key_differences};
 pub use push::{PushOutcome, PushPair};
 pub use return_line::ReturnMapLine;
 pub use run::Run;
-pub use stride::{
-    Fall, FallCriterion, RobotFall, StrideMeasures, StridePhase, StrideRole, Transition,
-};
+pub use stride::{Fall, FallCriterion, RobotFall, StrideMeasures, StridePhase, StrideRole, Transition};
 pub use summary::{IterationSummary, SecondsSummary, StrideCounts, Summary};
 pub use table::{LARGEST, Rows};
 

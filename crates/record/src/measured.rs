@@ -56,10 +56,7 @@ impl Performance {
         };
         let crossed = || kept.iter().filter(|t| t.end == StrideEnd::Crossing);
         let rewards: Vec<f64> = kept.iter().map(|t| t.reward).collect();
-        let Spread {
-            mean: mean_reward,
-            sd: reward_sd,
-        } = Spread::of(&rewards);
+        let Spread { mean: mean_reward, sd: reward_sd } = Spread::of(&rewards);
         let truth: Option<Vec<f64>> = crossed().map(|t| t.true_psi_roll_deg).collect();
         Self {
             true_mean_psi_roll_deg: truth.and_then(mean),
@@ -238,16 +235,9 @@ impl Spread {
     #[must_use]
     pub fn of(values: &[f64]) -> Self {
         let n = values.len() as f64;
-        let mean = if values.is_empty() {
-            0.0
-        } else {
-            values.iter().sum::<f64>() / n
-        };
+        let mean = if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / n };
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        Self {
-            mean,
-            sd: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()),
-        }
+        Self { mean, sd: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()) }
     }
 }
 
@@ -304,9 +294,7 @@ mod tests {
         assert!((fell.speed_m_s - 0.3).abs() < 1e-12 && (fell.upright_s - 2.0).abs() < 1e-12);
         assert!((Walk::of(&strides, asked(1.0, 1.0)).upright_s - 1.0).abs() < 1e-12);
         // The simulator's way, where it knows every stride's.
-        strides
-            .iter_mut()
-            .for_each(|s| s.true_forward_m = Some(0.1));
+        strides.iter_mut().for_each(|s| s.true_forward_m = Some(0.1));
         let known = Walk::of(&strides, asked(60.0, 60.0));
         assert!((known.true_speed_m_s.unwrap() - 0.15).abs() < 1e-12);
     }

@@ -54,12 +54,7 @@ impl Provenance {
     /// Says of a run's table that cannot be appended to by which version it was written, and what to do.
     #[must_use]
     pub fn blame(&self, error: RecordError) -> RecordError {
-        let RecordError::Content {
-            path,
-            line,
-            problem,
-        } = error
-        else {
+        let RecordError::Content { path, line, problem } = error else {
             return error;
         };
         let built = self.git_revision.as_deref().unwrap_or("unknown revision");
@@ -84,11 +79,7 @@ impl Provenance {
         compare("Stridemap", &self.version, &now.version);
         compare("the simulator", &self.mujoco_version, &now.mujoco_version);
         compare("the seed", &self.seed.to_string(), &now.seed.to_string());
-        compare(
-            "the robot's model (SHA-256 as compiled)",
-            &self.model_hash,
-            &now.model_hash,
-        );
+        compare("the robot's model (SHA-256 as compiled)", &self.model_hash, &now.model_hash);
         if let (Some(then), Some(now)) = (&self.task, &now.task) {
             found.extend(key_differences(then, now));
         }
@@ -108,12 +99,7 @@ pub fn key_differences(then: &serde_json::Value, now: &serde_json::Value) -> Vec
 /// Where a robot is reached is not what it is, and how often it may fall changes no number.
 const MAY_DIFFER: [&str; 3] = ["link.domain", "link.interface", "algorithm.falls_at_most"];
 
-fn differences_below(
-    then: &serde_json::Value,
-    now: &serde_json::Value,
-    key: &mut String,
-    found: &mut Vec<String>,
-) {
+fn differences_below(then: &serde_json::Value, now: &serde_json::Value, key: &mut String, found: &mut Vec<String>) {
     use serde_json::Value;
     let mut inner = |name: &str, then: Option<&Value>, now: Option<&Value>| {
         let before = key.len();

@@ -62,8 +62,7 @@ impl PushOutcome {
     /// The pairs as CSV.
     #[must_use]
     pub fn table(&self) -> String {
-        let mut text =
-            String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
+        let mut text = String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
         for p in &self.data {
             text += &format!(
                 "{},{},{},{},{}\n",
@@ -82,11 +81,7 @@ pub(crate) fn pairs(table: &Table) -> Result<Vec<PushPair>, RecordError> {
         Ok(PushPair {
             k: row.count("k")?,
             psi_roll_deg: row.number("psi_roll_deg")?,
-            psi_roll_after_1_deg: if table.has(after_1) {
-                row.number(after_1)?
-            } else {
-                f64::NAN
-            },
+            psi_roll_after_1_deg: if table.has(after_1) { row.number(after_1)? } else { f64::NAN },
             psi_roll_after_2_deg: row.number("psi_roll_after_2_deg")?,
             force_n: row.number("force_n")?,
         })

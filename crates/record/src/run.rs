@@ -80,11 +80,7 @@ impl Run {
             .ok()
             .and_then(|d| d.file_name().map(|n| n.to_string_lossy().into_owned()))
             .unwrap_or_else(|| dir.display().to_string());
-        let mut run = Run {
-            dir: dir.to_owned(),
-            name,
-            ..Run::default()
-        };
+        let mut run = Run { dir: dir.to_owned(), name, ..Run::default() };
         run.config = run.text("config.toml");
         run.provenance = run.json("provenance.json");
         run.summary = run.json("summary.json");
@@ -96,8 +92,7 @@ impl Run {
         run.record = recorded.unwrap_or_default();
         run.count_strides();
         // A policy that was rejected as final was measured before the one that is.
-        let begins =
-            |(what, s): &(String, Transition)| what == "final" && (s.episode, s.k) == (0, 0);
+        let begins = |(what, s): &(String, Transition)| what == "final" && (s.episode, s.k) == (0, 0);
         if let Some(last) = run.record.iter().rposition(begins) {
             let mut row = 0;
             run.record.retain(|(what, _)| {
@@ -105,9 +100,7 @@ impl Run {
                 what != "final" || row > last
             });
         }
-        run.learning = run
-            .csv("learning.csv", LearningRow::read)
-            .unwrap_or_default();
+        run.learning = run.csv("learning.csv", LearningRow::read).unwrap_or_default();
         run.read_iterations(&columns);
         run.recordings = run.read_poses("poses");
         if run.recordings.is_empty() {
@@ -131,9 +124,7 @@ impl Run {
         let number = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
         table.get("reward")?.as_array()?.iter().find_map(|r| {
             let quantity = r.get("quantity")?.as_str()?;
-            quantity
-                .starts_with("psi_roll")
-                .then(|| r.get("target_deg").and_then(number))?
+            quantity.starts_with("psi_roll").then(|| r.get("target_deg").and_then(number))?
         })
     }
 
@@ -185,9 +176,7 @@ impl Run {
     /// Whether the run reached its end.
     #[must_use]
     pub fn finished(&self) -> bool {
-        self.summary
-            .as_ref()
-            .is_some_and(|s| s.final_policy.is_some())
+        self.summary.as_ref().is_some_and(|s| s.final_policy.is_some())
     }
 
     /// Falls and stalls on the robot in the budget (training and evaluation).
@@ -205,8 +194,7 @@ impl Run {
         let role = |role: StrideRole| {
             let made = self.transitions.iter();
             let made = made.chain(self.record.iter().map(|(_, stride)| stride));
-            made.filter(|t| t.end != StrideEnd::Aborted && t.role == role)
-                .count()
+            made.filter(|t| t.end != StrideEnd::Aborted && t.role == role).count()
         };
         let [training, evaluation, record] = StrideRole::ALL.map(role);
         let strides = &mut self.summary.get_or_insert_default().strides;
@@ -215,8 +203,7 @@ impl Run {
 
     fn text(&mut self, file: &str) -> Option<String> {
         let text = String::from_utf8(self.bytes(file)?);
-        text.map_err(|e| self.problems.push(format!("{file}: {}", e.utf8_error())))
-            .ok()
+        text.map_err(|e| self.problems.push(format!("{file}: {}", e.utf8_error()))).ok()
     }
 
     /// A log of lines, of which one that is no text costs no other: it is named, and left blank.
@@ -317,25 +304,14 @@ impl Run {
             .into_iter()
             .flatten()
             .flatten()
-            .filter_map(|e| {
-                e.file_name()
-                    .to_str()?
-                    .strip_suffix(".json")
-                    .map(str::to_owned)
-            })
+            .filter_map(|e| e.file_name().to_str()?.strip_suffix(".json").map(str::to_owned))
             .collect();
         let rank = |n: &str| match n {
             "nominal" => (0, 0),
             "final" => (2, 0),
             "push-nominal" => (3, 0),
             "push" => (4, 0),
-            other => (
-                1,
-                other
-                    .trim_start_matches("iteration-")
-                    .parse()
-                    .unwrap_or(usize::MAX),
-            ),
+            other => (1, other.trim_start_matches("iteration-").parse().unwrap_or(usize::MAX)),
         };
         names.sort_by(|a, b| rank(a).cmp(&rank(b)).then_with(|| a.cmp(b)));
         let mut recordings = Vec::new();
@@ -363,19 +339,12 @@ impl Run {
 fn broken(r: &Recording) -> Option<String> {
     let bodies = r.frames.first()?.poses.len();
     if let Some(i) = r.frames.iter().position(|f| f.poses.len() != bodies) {
-        return Some(format!(
-            "frame {i} has {} bodies, the first {bodies}",
-            r.frames[i].poses.len()
-        ));
+        return Some(format!("frame {i} has {} bodies, the first {bodies}", r.frames[i].poses.len()));
     }
     if let Some(s) = r.shapes.iter().find(|s| s.body >= bodies) {
         return Some(format!("a shape on body {} of {bodies}", s.body));
     }
-    let finite = r
-        .frames
-        .iter()
-        .flat_map(|f| f.poses.iter().flatten())
-        .all(|v| v.is_finite());
+    let finite = r.frames.iter().flat_map(|f| f.poses.iter().flatten()).all(|v| v.is_finite());
     (!finite).then(|| "a pose that is not finite".to_owned())
 }
 
@@ -385,14 +354,7 @@ fn numbered(dir: &Path, prefix: &str, suffix: &str) -> Vec<usize> {
         .into_iter()
         .flatten()
         .flatten()
-        .filter_map(|e| {
-            e.file_name()
-                .to_str()?
-                .strip_prefix(prefix)?
-                .strip_suffix(suffix)?
-                .parse()
-                .ok()
-        })
+        .filter_map(|e| e.file_name().to_str()?.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok())
         .collect();
     numbers.sort_unstable();
     numbers

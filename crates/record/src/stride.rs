@@ -185,11 +185,7 @@ impl StrideMeasures {
     /// not called slow.
     #[must_use]
     pub fn speed_m_s(&self) -> f64 {
-        if self.duration_s > 0.0 {
-            self.ahead_m / self.duration_s
-        } else {
-            0.0
-        }
+        if self.duration_s > 0.0 { self.ahead_m / self.duration_s } else { 0.0 }
     }
 }
 
@@ -273,17 +269,11 @@ impl fmt::Display for Fall {
                 write!(f, "psi_roll {value:.2} deg, below {threshold} ({key})")
             }
             FallCriterion::Height => {
-                write!(
-                    f,
-                    "height {value:.2} of the first, below {threshold} ({key})"
-                )
+                write!(f, "height {value:.2} of the first, below {threshold} ({key})")
             }
             FallCriterion::Tilt => write!(f, "tilt {value:.1} deg, above {threshold} ({key})"),
             FallCriterion::NoSection => {
-                write!(
-                    f,
-                    "no section for {value:.2} s, more than {threshold} ({key})"
-                )
+                write!(f, "no section for {value:.2} s, more than {threshold} ({key})")
             }
         }
     }
@@ -310,13 +300,7 @@ impl RobotFall {
     /// The falls with a known cause among strides of one batch.
     pub fn among(strides: &[Transition]) -> impl Iterator<Item = Self> {
         strides.iter().enumerate().filter_map(|(i, t)| {
-            Some(Self {
-                iteration: t.iteration,
-                phase: t.phase,
-                what: None,
-                stride: Some(i + 1),
-                fall: t.fall?,
-            })
+            Some(Self { iteration: t.iteration, phase: t.phase, what: None, stride: Some(i + 1), fall: t.fall? })
         })
     }
 }

@@ -40,10 +40,7 @@ impl Table {
             let line = error.position().map(|at| at.line() as usize);
             RecordError::content(path, line, format!("is no CSV: {error}"))
         };
-        let mut reader = csv::ReaderBuilder::new()
-            .flexible(true)
-            .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
+        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
         let header = reader.headers().map_err(fault)?.clone();
         let columns = header.iter().enumerate();
         let mut table = Self {
@@ -141,11 +138,7 @@ impl Row<'_> {
 
     /// Zero where there is no such column.
     pub(crate) fn optional(&self, name: &str) -> Result<f64, RecordError> {
-        if self.table.has(name) {
-            self.number(name)
-        } else {
-            Ok(0.0)
-        }
+        if self.table.has(name) { self.number(name) } else { Ok(0.0) }
     }
 
     pub(crate) fn count(&self, name: &str) -> Result<usize, RecordError> {
@@ -168,10 +161,7 @@ impl Row<'_> {
         let known = values.iter().find(|value| word(**value) == text);
         known.copied().ok_or_else(|| {
             let words: Vec<&str> = values.iter().map(|value| word(*value)).collect();
-            self.fault(format!(
-                "{name} = {text:?}; it is one of {}",
-                words.join(", ")
-            ))
+            self.fault(format!("{name} = {text:?}; it is one of {}", words.join(", ")))
         })
     }
 }

@@ -12,10 +12,7 @@ fn an_earlier_summary_is_read_and_one_of_another_format_refused_by_it() {
     std::fs::write(&path, earlier).unwrap();
     let summary: Summary = read_json(&path).unwrap();
     assert_eq!((summary.format, summary.iterations.len()), (1, 2));
-    let later = Summary {
-        format: 2,
-        ..summary
-    };
+    let later = Summary { format: 2, ..summary };
     write_json(&path, &later).unwrap();
     let error = read_json::<Summary>(&path).unwrap_err().to_string();
     let said = "summary.json: has format 2; this version reads format 1";

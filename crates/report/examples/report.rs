@@ -10,9 +10,7 @@ fn main() -> Result<()> {
     let Some(out) = paths.next() else {
         return Ok(());
     };
-    let runs = paths
-        .map(|dir| Ok(Run::read(&dir)?))
-        .collect::<Result<Vec<Run>>>()?;
+    let runs = paths.map(|dir| Ok(Run::read(&dir)?)).collect::<Result<Vec<Run>>>()?;
     if let Some(run) = runs.first() {
         write_figures(run, &out.with_extension("figures"))?;
     }

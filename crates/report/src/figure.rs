@@ -55,10 +55,7 @@ impl Figure {
     /// [`ReportError::Io`] if a file cannot be written, [`ReportError::Raster`] if the SVG cannot be
     /// turned into pixels.
     pub fn write(&self, dir: &Path) -> Result<()> {
-        fs::create_dir_all(dir).map_err(|source| ReportError::Io {
-            path: dir.to_owned(),
-            source,
-        })?;
+        fs::create_dir_all(dir).map_err(|source| ReportError::Io { path: dir.to_owned(), source })?;
         let png = self.png()?;
         write_aside(&dir.join(format!("{}.svg", self.stem)), self.svg.as_bytes())?;
         write_aside(&dir.join(format!("{}.png", self.stem)), &png)?;
@@ -71,15 +68,8 @@ impl Figure {
     ///
     /// [`ReportError::Raster`] if the SVG cannot be read or is empty.
     pub fn png(&self) -> Result<Vec<u8>> {
-        let fail = |what: String| ReportError::Raster {
-            figure: self.stem.clone(),
-            what,
-        };
-        let options = usvg::Options {
-            fontdb: fonts(),
-            font_family: "Inter".to_owned(),
-            ..usvg::Options::default()
-        };
+        let fail = |what: String| ReportError::Raster { figure: self.stem.clone(), what };
+        let options = usvg::Options { fontdb: fonts(), font_family: "Inter".to_owned(), ..usvg::Options::default() };
         let tree = usvg::Tree::from_str(&self.svg, &options).map_err(|e| fail(e.to_string()))?;
         let size = tree.size();
         let (width, height) = (size.width() * PNG_SCALE, size.height() * PNG_SCALE);
@@ -108,8 +98,5 @@ fn fonts() -> Arc<usvg::fontdb::Database> {
 ///
 /// [`ReportError::Io`] naming the file.
 pub fn write_aside(path: &Path, bytes: &[u8]) -> Result<()> {
-    stridemap_files::write_whole(path, bytes).map_err(|source| ReportError::Io {
-        path: path.to_owned(),
-        source,
-    })
+    stridemap_files::write_whole(path, bytes).map_err(|source| ReportError::Io { path: path.to_owned(), source })
 }

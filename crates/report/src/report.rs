@@ -5,11 +5,10 @@ use std::path::Path;
 use crate::error::{ReportError, Result};
 use crate::figure::Figure;
 use crate::figures::{
-    ActionFigure, ActionIteration, Fig10, LearningCurves, LineFigure, MapFigure, PolicyFigure,
-    ReturnMap, ReturnPair, RunCurve, StateOverStrides, Undisturbed, UndisturbedReturnMaps, actions,
-    fig10, learning_curves, map_lines, map_slices, map_surface, policy, predicted_actual,
-    pushed_one_stride, runs_compared, standardized_residuals, state_over_strides,
-    undisturbed_return_maps,
+    ActionFigure, ActionIteration, Fig10, LearningCurves, LineFigure, MapFigure, PolicyFigure, ReturnMap, ReturnPair,
+    RunCurve, StateOverStrides, Undisturbed, UndisturbedReturnMaps, actions, fig10, learning_curves, map_lines,
+    map_slices, map_surface, policy, predicted_actual, pushed_one_stride, runs_compared, standardized_residuals,
+    state_over_strides, undisturbed_return_maps,
 };
 use stridemap_record::{Measured, PushOutcome, PushPair, Run, Transition, World};
 use stridemap_returnmap::StrideEnd;
@@ -29,20 +28,14 @@ pub struct Section {
 
 impl Section {
     fn new(id: &'static str, title: &'static str) -> Section {
-        Section {
-            id,
-            title,
-            ..Section::default()
-        }
+        Section { id, title, ..Section::default() }
     }
 
     /// Takes a figure, or says why there is none.
     fn draw(&mut self, what: &str, figure: Result<Figure>) {
         match figure {
             Ok(figure) => self.figures.push(figure),
-            Err(ReportError::Empty { what: why, .. }) => {
-                self.notes.push(format!("{what}: not drawn, {why}."))
-            }
+            Err(ReportError::Empty { what: why, .. }) => self.notes.push(format!("{what}: not drawn, {why}.")),
             Err(error) => self.notes.push(format!("{what}: not drawn. {error}.")),
         }
     }
@@ -53,22 +46,13 @@ fn level(measured: Option<Measured>) -> Option<f64> {
 }
 
 fn recorded(run: &Run, what: &str) -> Vec<Transition> {
-    run.record
-        .iter()
-        .filter(|r| r.0 == what)
-        .map(|r| r.1.clone())
-        .collect()
+    run.record.iter().filter(|r| r.0 == what).map(|r| r.1.clone()).collect()
 }
 
 /// Draws everything that a run directory has data for.
 #[must_use]
 pub fn sections(run: &Run) -> Vec<Section> {
-    vec![
-        learned_at_all(run),
-        what_it_learned(run),
-        trust(run),
-        stability(run),
-    ]
+    vec![learned_at_all(run), what_it_learned(run), trust(run), stability(run)]
 }
 
 fn learned_at_all(run: &Run) -> Section {
@@ -80,12 +64,7 @@ fn learned_at_all(run: &Run) -> Section {
                 .to_owned(),
         );
     }
-    let best = summary.and_then(|s| {
-        s.iterations
-            .iter()
-            .filter_map(|i| i.mean_reward)
-            .max_by(f64::total_cmp)
-    });
+    let best = summary.and_then(|s| s.iterations.iter().filter_map(|i| i.mean_reward).max_by(f64::total_cmp));
     section.draw(
         "Learning curve",
         learning_curves(&LearningCurves {
@@ -156,9 +135,7 @@ fn what_it_learned(run: &Run) -> Section {
     let mut section = Section::new("map", "What did it learn?");
     let training = |until: usize| -> Vec<Transition> {
         let data = run.map_strides(until);
-        data.filter(|s| s.end != StrideEnd::Aborted)
-            .cloned()
-            .collect()
+        data.filter(|s| s.end != StrideEnd::Aborted).cloned().collect()
     };
     let chosen = run.summary.as_ref().and_then(|s| s.final_iteration);
     let policies = run.policies.iter();
@@ -200,10 +177,7 @@ fn what_it_learned(run: &Run) -> Section {
                 columns: run.columns.clone(),
                 grid: grid.clone(),
                 strides: training(*iteration),
-                region: iterations
-                    .iter()
-                    .find(|i| i.iteration == *iteration)
-                    .and_then(|i| i.trust_region.clone()),
+                region: iterations.iter().find(|i| i.iteration == *iteration).and_then(|i| i.trust_region.clone()),
                 reward: run.reward_quantity(),
             }),
         );
@@ -214,9 +188,7 @@ fn what_it_learned(run: &Run) -> Section {
 fn trust(run: &Run) -> Section {
     let mut section = Section::new("trust", "Can it be trusted?");
     match run.maps.last() {
-        None => section
-            .notes
-            .push("The run has no map yet, so there is nothing to check.".to_owned()),
+        None => section.notes.push("The run has no map yet, so there is nothing to check.".to_owned()),
         Some(map) => {
             let mut map = map.clone();
             if let Some(reward) = run.reward_quantity() {
@@ -258,11 +230,7 @@ fn stability(run: &Run) -> Section {
         let is_psi = name.starts_with("psi_roll");
         let runs: Vec<Undisturbed> = [
             ("nominal", "nominal gait", summary.and_then(|s| s.nominal)),
-            (
-                "final",
-                "final policy",
-                summary.and_then(|s| s.final_policy),
-            ),
+            ("final", "final policy", summary.and_then(|s| s.final_policy)),
         ]
         .into_iter()
         .map(|(what, name, measured)| Undisturbed {
@@ -288,17 +256,13 @@ fn stability(run: &Run) -> Section {
 
 /// The return maps under pushes, one and two strides on.
 fn pushed(run: &Run, section: &mut Section) {
-    let pushes: Vec<(&str, &PushOutcome)> = [
-        ("nominal gait", &run.push_nominal),
-        ("learned policy", &run.push),
-    ]
-    .into_iter()
-    .filter_map(|(name, push)| Some((name, push.as_ref()?)))
-    .collect();
+    let pushes: Vec<(&str, &PushOutcome)> = [("nominal gait", &run.push_nominal), ("learned policy", &run.push)]
+        .into_iter()
+        .filter_map(|(name, push)| Some((name, push.as_ref()?)))
+        .collect();
     let Some(setting) = run.push.as_ref().or(run.push_nominal.as_ref()) else {
         section.notes.push(
-            "The run was not pushed; `stridemap push` on this directory adds the return map under pushes."
-                .to_owned(),
+            "The run was not pushed; `stridemap push` on this directory adds the return map under pushes.".to_owned(),
         );
         return;
     };
@@ -326,10 +290,7 @@ fn pushed(run: &Run, section: &mut Section) {
     });
     let one_on: Vec<ReturnMap> = one_on.filter(|map| !map.pairs.is_empty()).collect();
     if !one_on.is_empty() {
-        section.draw(
-            "Return map under pushes, one stride on",
-            pushed_one_stride(&figure(one_on)),
-        );
+        section.draw("Return map under pushes, one stride on", pushed_one_stride(&figure(one_on)));
     }
     let two_on = pushes.iter().map(|(name, p)| ReturnMap {
         name: (*name).to_owned(),
@@ -360,12 +321,7 @@ pub fn comparison(runs: &[Run]) -> Result<Figure> {
                     .filter_map(|i| Some((i.strides_so_far as f64, i.mean_reward?)))
                     .collect(),
                 final_policy: level(summary.final_policy),
-                trials: run
-                    .learning
-                    .iter()
-                    .filter(|t| t.world == World::Map)
-                    .map(|t| t.average_reward)
-                    .collect(),
+                trials: run.learning.iter().filter(|t| t.world == World::Map).map(|t| t.average_reward).collect(),
                 falls: run.falls().0 as u64,
             }
         })
@@ -373,10 +329,7 @@ pub fn comparison(runs: &[Run]) -> Result<Figure> {
     let quantity = runs.first().and_then(Run::reward_quantity);
     let same = runs.iter().all(|r| r.reward_quantity() == quantity);
     let name = quantity.filter(|_| same);
-    let name = name.map_or_else(
-        || "mean reward".to_owned(),
-        |q| crate::figures::label(&q, ""),
-    );
+    let name = name.map_or_else(|| "mean reward".to_owned(), |q| crate::figures::label(&q, ""));
     runs_compared(&curves, &name)
 }
 

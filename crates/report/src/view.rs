@@ -60,12 +60,7 @@ impl Log {
         if self.channels[channel].schema.starts_with("stridemap.") {
             value["step"] = step.into();
         }
-        self.messages.push(Message {
-            channel,
-            time_s,
-            step,
-            value,
-        });
+        self.messages.push(Message { channel, time_s, step, value });
     }
 }
 
@@ -75,10 +70,8 @@ impl Log {
 ///
 /// [`ReportError::Mcap`] if the file cannot be composed, [`ReportError::Io`] if it cannot be written.
 pub fn write_mcap(run: &Run, path: &Path) -> Result<()> {
-    let bytes = compose(messages(run)).map_err(|source| ReportError::Mcap {
-        path: path.to_owned(),
-        reason: source.to_string(),
-    })?;
+    let bytes = compose(messages(run))
+        .map_err(|source| ReportError::Mcap { path: path.to_owned(), reason: source.to_string() })?;
     write_aside(path, &bytes)
 }
 
@@ -105,11 +98,7 @@ pub fn view_lines(run: &Run) -> String {
 fn messages(run: &Run) -> Log {
     let mut log = Log::default();
     for (what, recording) in &run.recordings {
-        let left_m = if what.contains("nominal") {
-            BESIDE_M
-        } else {
-            0.0
-        };
+        let left_m = if what.contains("nominal") { BESIDE_M } else { 0.0 };
         add_recording(&mut log, what, recording, left_m);
         let strides = run.record.iter().filter(|s| s.0 == *what);
         let strides: Vec<&Transition> = strides.map(|s| &s.1).collect();
@@ -129,10 +118,7 @@ fn messages(run: &Run) -> Log {
 fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) {
     let tf = log.channel(format!("/{what}/tf"), "foxglove.FrameTransforms");
     let feet = log.channel(format!("/{what}/feet"), "stridemap.Feet");
-    let torso = recording
-        .shapes
-        .iter()
-        .max_by(|a, b| volume(a).total_cmp(&volume(b)));
+    let torso = recording.shapes.iter().max_by(|a, b| volume(a).total_cmp(&volume(b)));
     let mut step = 0;
     for frame in &recording.frames {
         step += usize::from(frame.crossing);
@@ -167,39 +153,20 @@ fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) 
     }
     let scene = log.channel(format!("/{what}/robot"), "foxglove.SceneUpdate");
     let begin_s = recording.frames.first().map_or(0.0, |f| f.time_s);
-    let entities: Vec<Value> = recording
-        .shapes
-        .iter()
-        .enumerate()
-        .map(|(i, shape)| entity(what, i, shape, begin_s))
-        .collect();
-    log.push(
-        scene,
-        begin_s,
-        0,
-        json!({ "deletions": [], "entities": entities }),
-    );
+    let entities: Vec<Value> =
+        recording.shapes.iter().enumerate().map(|(i, shape)| entity(what, i, shape, begin_s)).collect();
+    log.push(scene, begin_s, 0, json!({ "deletions": [], "entities": entities }));
 }
 
 /// Volume of a shape, cubic metres; the largest one is the torso, where pushes act.
 fn volume(shape: &Shape) -> f64 {
     use std::f64::consts::PI;
     match shape.kind {
-        ShapeKind::Box {
-            half_extents_m: [x, y, z],
-        } => 8.0 * x * y * z,
+        ShapeKind::Box { half_extents_m: [x, y, z] } => 8.0 * x * y * z,
         ShapeKind::Sphere { radius_m: r } => 4.0 / 3.0 * PI * r.powi(3),
-        ShapeKind::Ellipsoid {
-            semi_axes_m: [x, y, z],
-        } => 4.0 / 3.0 * PI * x * y * z,
-        ShapeKind::Capsule {
-            radius_m: r,
-            half_length_m: h,
-        } => PI * r * r * (2.0 * h + 4.0 / 3.0 * r),
-        ShapeKind::Cylinder {
-            radius_m: r,
-            half_length_m: h,
-        } => 2.0 * PI * r * r * h,
+        ShapeKind::Ellipsoid { semi_axes_m: [x, y, z] } => 4.0 / 3.0 * PI * x * y * z,
+        ShapeKind::Capsule { radius_m: r, half_length_m: h } => PI * r * r * (2.0 * h + 4.0 / 3.0 * r),
+        ShapeKind::Cylinder { radius_m: r, half_length_m: h } => 2.0 * PI * r * r * h,
     }
 }
 
@@ -207,8 +174,7 @@ fn volume(shape: &Shape) -> f64 {
 /// and orientation (w, u), and its place v in the body.
 fn middle(shape: &Shape, frame: &Frame) -> Option<[f64; 3]> {
     let [x, y, z, w, a, b, c] = *frame.poses.get(shape.body)?;
-    let cross =
-        |[a, b, c]: [f64; 3], [x, y, z]: [f64; 3]| [b * z - c * y, c * x - a * z, a * y - b * x];
+    let cross = |[a, b, c]: [f64; 3], [x, y, z]: [f64; 3]| [b * z - c * y, c * x - a * z, a * y - b * x];
     let (u, v) = ([a, b, c], shape.pose.position_m);
     let first = cross(u, v);
     let second = cross(u, first);
@@ -232,28 +198,16 @@ fn entity(what: &str, index: usize, shape: &Shape, time_s: f64) -> Value {
     let pose = pose(&shape.pose);
     let cube = |x: f64, y: f64, z: f64| json!({ "pose": pose, "size": { "x": 2.0 * x, "y": 2.0 * y, "z": 2.0 * z }, "color": color });
     let (kind, primitive) = match shape.kind {
-        ShapeKind::Box {
-            half_extents_m: [x, y, z],
-        } => ("cubes", cube(x, y, z)),
+        ShapeKind::Box { half_extents_m: [x, y, z] } => ("cubes", cube(x, y, z)),
         ShapeKind::Sphere { radius_m: r } => ("spheres", cube(r, r, r)),
-        ShapeKind::Ellipsoid {
-            semi_axes_m: [x, y, z],
-        } => ("spheres", cube(x, y, z)),
+        ShapeKind::Ellipsoid { semi_axes_m: [x, y, z] } => ("spheres", cube(x, y, z)),
         // Foxglove has no capsule: the cylinder reaches to the tips.
-        ShapeKind::Capsule {
-            radius_m,
-            half_length_m,
-        } => (
-            "cylinders",
-            cylinder(&pose, radius_m, half_length_m + radius_m, &color),
-        ),
-        ShapeKind::Cylinder {
-            radius_m,
-            half_length_m,
-        } => (
-            "cylinders",
-            cylinder(&pose, radius_m, half_length_m, &color),
-        ),
+        ShapeKind::Capsule { radius_m, half_length_m } => {
+            ("cylinders", cylinder(&pose, radius_m, half_length_m + radius_m, &color))
+        }
+        ShapeKind::Cylinder { radius_m, half_length_m } => {
+            ("cylinders", cylinder(&pose, radius_m, half_length_m, &color))
+        }
     };
     entity[kind] = json!([primitive]);
     entity
@@ -284,8 +238,7 @@ fn add_learning(log: &mut Log, run: &Run) {
     // The map was fitted to the training strides that reached a section, in this order.
     let mut fitted = 0;
     for (step, stride) in run.transitions.iter().enumerate() {
-        let is_datum = stride.role == StrideRole::Training
-            && stride.end == stridemap_returnmap::StrideEnd::Crossing;
+        let is_datum = stride.role == StrideRole::Training && stride.end == stridemap_returnmap::StrideEnd::Crossing;
         let predictions = is_datum.then(|| {
             let of_output = |o: &stridemap_returnmap::SavedOutput| {
                 let loo = &o.leave_one_out;
@@ -293,18 +246,10 @@ fn add_learning(log: &mut Log, run: &Run) {
                 Some((o.name.clone(), json!({ "mean": mean, "std": std })))
             };
             let outputs = last.map(|m| m.outputs.as_slice()).unwrap_or_default();
-            outputs
-                .iter()
-                .filter_map(of_output)
-                .collect::<BTreeMap<_, _>>()
+            outputs.iter().filter_map(of_output).collect::<BTreeMap<_, _>>()
         });
         fitted += usize::from(is_datum);
-        log.push(
-            channel,
-            step as f64,
-            step,
-            section(run, stride, predictions),
-        );
+        log.push(channel, step as f64, step, section(run, stride, predictions));
     }
 }
 
@@ -330,11 +275,7 @@ fn stamp(time_s: f64) -> Value {
     json!({ "sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000 })
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped to the range"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the range")]
 fn nanoseconds(time_s: f64) -> u64 {
     (time_s.clamp(0.0, 1e9) * 1e9).round() as u64
 }
@@ -387,13 +328,8 @@ mod tests {
         let shape = Shape {
             name: "foot".into(),
             body: 0,
-            kind: ShapeKind::Box {
-                half_extents_m: [0.1, 0.05, 0.01],
-            },
-            pose: Pose {
-                position_m: [0.0; 3],
-                orientation: [1.0, 0.0, 0.0, 0.0],
-            },
+            kind: ShapeKind::Box { half_extents_m: [0.1, 0.05, 0.01] },
+            pose: Pose { position_m: [0.0; 3], orientation: [1.0, 0.0, 0.0, 0.0] },
             rgba: [1.0, 0.0, 0.0, 1.0],
         };
         let frame = |time_s: f64| Frame {
@@ -404,21 +340,11 @@ mod tests {
             crossing: false,
             push_n: None,
         };
-        let recording = Recording {
-            format: 1,
-            shapes: vec![shape],
-            period_s: 0.02,
-            frames: vec![frame(4.0), frame(4.02)],
-        };
+        let recording =
+            Recording { format: 1, shapes: vec![shape], period_s: 0.02, frames: vec![frame(4.0), frame(4.02)] };
         Run {
-            columns: Columns {
-                state: vec!["psi_roll_deg".into()],
-                action: vec!["step_deg".into()],
-            },
-            record: vec![
-                ("final".into(), stride(4.5)),
-                ("nominal".into(), stride(4.4)),
-            ],
+            columns: Columns { state: vec!["psi_roll_deg".into()], action: vec!["step_deg".into()] },
+            record: vec![("final".into(), stride(4.5)), ("nominal".into(), stride(4.4))],
             transitions: vec![stride(5.0), stride(5.6)],
             recordings: vec![("final".into(), recording)],
             ..Run::default()
@@ -435,34 +361,16 @@ mod tests {
         for message in mcap::MessageStream::new(&bytes).unwrap() {
             let message = message.unwrap();
             let value = serde_json::from_slice(&message.data).unwrap();
-            topics
-                .entry(message.channel.topic.clone())
-                .or_default()
-                .push((message.log_time, value));
+            topics.entry(message.channel.topic.clone()).or_default().push((message.log_time, value));
         }
         let names: Vec<&str> = topics.keys().map(String::as_str).collect();
-        assert_eq!(
-            names,
-            [
-                "/final/feet",
-                "/final/robot",
-                "/final/section",
-                "/final/tf",
-                "/learning/section"
-            ]
-        );
+        assert_eq!(names, ["/final/feet", "/final/robot", "/final/section", "/final/tf", "/learning/section"]);
         let tf = &topics["/final/tf"];
-        assert_eq!(
-            tf.iter().map(|m| m.0).collect::<Vec<_>>(),
-            [4_000_000_000, 4_020_000_000]
-        );
+        assert_eq!(tf.iter().map(|m| m.0).collect::<Vec<_>>(), [4_000_000_000, 4_020_000_000]);
         assert_eq!(tf[0].1["transforms"][0]["translation"]["y"], 2.0);
         assert_eq!(topics["/final/section"].len(), 1);
         assert_eq!(topics["/final/section"][0].1["action"]["step_deg"], 0.5);
-        assert_eq!(
-            topics["/final/robot"][0].1["entities"][0]["cubes"][0]["size"]["x"],
-            0.2
-        );
+        assert_eq!(topics["/final/robot"][0].1["entities"][0]["cubes"][0]["size"]["x"], 0.2);
         assert_eq!(topics["/learning/section"][1].1["step"], 1);
     }
 
@@ -474,10 +382,7 @@ mod tests {
             .map(|l| serde_json::from_str(l).unwrap())
             .filter(|m: &Value| m["topic"] == "/learning/section")
             .collect();
-        assert_eq!(
-            (&learning[1]["step"], &learning[1]["time_s"]),
-            (&json!(1), &json!(1.0))
-        );
+        assert_eq!((&learning[1]["step"], &learning[1]["time_s"]), (&json!(1), &json!(1.0)));
     }
 
     #[test]

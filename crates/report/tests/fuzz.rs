@@ -10,11 +10,7 @@ use stridemap_report::sections;
 
 #[test]
 fn run_directories_are_drawn() {
-    let corpus = |kind: &str| -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../mutate/corpus")
-            .join(kind)
-    };
+    let corpus = |kind: &str| -> PathBuf { Path::new(env!("CARGO_MANIFEST_DIR")).join("../mutate/corpus").join(kind) };
     let dir = tempfile::tempdir().unwrap();
     let whole = Corpus::read(&corpus("run")).unwrap();
     for kind in ["policy", "map"] {

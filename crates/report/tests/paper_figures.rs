@@ -23,11 +23,7 @@ fn fig7_shows_samples_and_both_bands() {
     let figure = fig7(&fig7_data()).unwrap();
     figure.write(&gallery()).unwrap();
     assert!(figure.caption.contains("n = 10 samples"));
-    assert_eq!(
-        count(&figure, "<circle"),
-        10 + 1,
-        "ten samples and the legend's"
-    );
+    assert_eq!(count(&figure, "<circle"), 10 + 1, "ten samples and the legend's");
     assert_eq!(figure.csv.lines().count(), 1 + 201 + 10);
     assert!(figure.csv.contains("\nsample,0.35,"));
     assert_eq!(count(&figure, "fill-opacity=\"0.12\""), 1);
@@ -38,24 +34,14 @@ fn fig8_marks_the_significant_trials_and_reads_at_both_ends() {
     let figure = fig8(&fig8_data()).unwrap();
     figure.write(&gallery()).unwrap();
     // 0.4 / (1 + t² / 5) < 0.05 from t = 6 on.
-    assert!(
-        figure
-            .caption
-            .contains("at trial 6, 7, 8, 9, 10, 11, 12, 13, 14, 15.")
-    );
+    assert!(figure.caption.contains("at trial 6, 7, 8, 9, 10, 11, 12, 13, 14, 15."));
     assert_eq!(count(&figure, ">*<"), 10);
-    assert!(
-        figure.caption.contains("n = 5 seeds")
-            && figure.caption.contains("averaged over 20 strides")
-    );
+    assert!(figure.caption.contains("n = 5 seeds") && figure.caption.contains("averaged over 20 strides"));
     assert!(figure.caption.contains("GP map −0.00161 ± 0.00073"));
     for tick in [">−0.1<", ">−0.001<", ">0<"] {
         assert!(figure.svg.contains(tick), "{tick}");
     }
-    assert!(
-        figure.csv.lines().nth(1).unwrap().ends_with(','),
-        "no p before learning"
-    );
+    assert!(figure.csv.lines().nth(1).unwrap().ends_with(','), "no p before learning");
 }
 
 #[test]
@@ -63,11 +49,7 @@ fn fig9_counts_its_rug() {
     let figure = fig9(&fig9_data()).unwrap();
     figure.write(&gallery()).unwrap();
     assert!(figure.caption.contains("GP map above (n = 140)"));
-    assert!(
-        figure
-            .svg
-            .contains("<tspan dy=\"3.12\" font-size=\"9.88\">roll</tspan>")
-    );
+    assert!(figure.svg.contains("<tspan dy=\"3.12\" font-size=\"9.88\">roll</tspan>"));
     assert_eq!(figure.csv.lines().count(), 62);
 }
 
@@ -75,21 +57,9 @@ fn fig9_counts_its_rug() {
 fn fig10_gives_slope_and_fixed_point_of_each() {
     let figure = fig10(&fig10_data()).unwrap();
     figure.write(&gallery()).unwrap();
-    assert!(
-        figure
-            .caption
-            .contains("nominal gait: slope 0.66, fixed point 3.02 deg (n = 39 pairs, 1 fall)")
-    );
-    assert!(
-        figure
-            .caption
-            .contains("learned policy: slope 0.12, fixed point 2.03 deg (n = 39 pairs, no fall)")
-    );
-    assert!(
-        figure
-            .caption
-            .contains("fixed point 2.3 deg for a target of 2.0 deg")
-    );
+    assert!(figure.caption.contains("nominal gait: slope 0.66, fixed point 3.02 deg (n = 39 pairs, 1 fall)"));
+    assert!(figure.caption.contains("learned policy: slope 0.12, fixed point 2.03 deg (n = 39 pairs, no fall)"));
+    assert!(figure.caption.contains("fixed point 2.3 deg for a target of 2.0 deg"));
     assert_eq!(figure.csv.lines().count(), 1 + 2 * 39);
     assert_eq!(figure.hover.len(), 2 * 39 + 2);
 }
@@ -115,10 +85,6 @@ fn bad_data_are_refused_by_name() {
         fig9(&data),
         Err(ReportError::Shape { column, found: 60, expected: 61, .. }) if column == "gp.sd"
     ));
-    let empty = Fig8 {
-        trials: Vec::new(),
-        seeds: 0,
-        strides: 0,
-    };
+    let empty = Fig8 { trials: Vec::new(), seeds: 0, strides: 0 };
     assert!(matches!(fig8(&empty), Err(ReportError::Empty { .. })));
 }

@@ -7,9 +7,7 @@ mod common;
 use common::run::{Faults, write_run};
 use std::path::Path;
 use stridemap_record::grid::{MapGrid, PolicyGrid};
-use stridemap_record::{
-    Columns, GuardWarning, Region, ReturnMapLine, Run, StridePhase, Verdict, Warning,
-};
+use stridemap_record::{Columns, GuardWarning, Region, ReturnMapLine, Run, StridePhase, Verdict, Warning};
 use stridemap_report::figures::*;
 use stridemap_report::*;
 use stridemap_returnmap::StrideEnd;
@@ -22,11 +20,7 @@ fn run(faults: Faults) -> (tempfile::TempDir, Run) {
 }
 
 fn figure<'a>(sections: &'a [Section], stem: &str) -> &'a Figure {
-    sections
-        .iter()
-        .flat_map(|s| &s.figures)
-        .find(|f| f.stem == stem)
-        .unwrap()
+    sections.iter().flat_map(|s| &s.figures).find(|f| f.stem == stem).unwrap()
 }
 
 #[test]
@@ -35,103 +29,52 @@ fn a_whole_run_is_read_and_drawn() {
     assert_eq!(run.problems, Vec::<String>::new());
     assert_eq!(run.missing, Vec::<String>::new());
     assert_eq!(run.target_deg(), Some(2.0));
-    assert_eq!(
-        (run.transitions.len(), run.maps.len(), run.recordings.len()),
-        (80, 4, 2)
-    );
+    assert_eq!((run.transitions.len(), run.maps.len(), run.recordings.len()), (80, 4, 2));
     let sections = sections(&run);
-    assert!(
-        sections.iter().all(|s| s.notes.is_empty()),
-        "{:?}",
-        sections.iter().map(|s| &s.notes).collect::<Vec<_>>()
-    );
+    assert!(sections.iter().all(|s| s.notes.is_empty()), "{:?}", sections.iter().map(|s| &s.notes).collect::<Vec<_>>());
     let gallery = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery");
     for figure in sections.iter().flat_map(|s| &s.figures) {
         figure.write(&gallery).unwrap();
     }
 
     let learning = figure(&sections, "learning");
-    assert!(
-        learning.caption.contains("(n = 240 trials)")
-            && learning.caption.contains("(n = 80 strides, 0 ended")
-    );
-    assert!(
-        learning.caption.contains("nominal gait (−0.102)")
-            && learning.caption.contains("final policy (−0.00062)")
-    );
+    assert!(learning.caption.contains("(n = 240 trials)") && learning.caption.contains("(n = 80 strides, 0 ended"));
+    assert!(learning.caption.contains("nominal gait (−0.102)") && learning.caption.contains("final policy (−0.00062)"));
     assert_eq!(learning.csv.lines().count(), 1 + 240 + 80);
     let state = figure(&sections, "state");
-    assert!(
-        state.caption.contains("nominal gait (n = 60, 0 falls)")
-            && state.caption.contains("desired value, 2.0")
-    );
+    assert!(state.caption.contains("nominal gait (n = 60, 0 falls)") && state.caption.contains("desired value, 2.0"));
     let policy = figure(&sections, "policy");
-    assert!(
-        policy.caption.contains("n = 80 strides")
-            && policy.caption.contains("the 5 basis functions")
-    );
-    assert!(
-        policy.csv.starts_with(
-            "along,psi_roll_deg,mean_step_amplitude_deg,std_step_amplitude_deg,value\n"
-        )
-    );
+    assert!(policy.caption.contains("n = 80 strides") && policy.caption.contains("the 5 basis functions"));
+    assert!(policy.csv.starts_with("along,psi_roll_deg,mean_step_amplitude_deg,std_step_amplitude_deg,value\n"));
     let map = figure(&sections, "map");
     assert_eq!(map.svg.matches("<rect fill=\"#").count(), 41 * 41 + 64);
     let predicted = figure(&sections, "predicted");
-    let inside = predicted
-        .csv
-        .lines()
-        .filter(|l| l.ends_with(",true"))
-        .count();
-    assert!(
-        predicted
-            .caption
-            .contains(&format!("{inside} of 80 within ±2 sd"))
-    );
-    assert!(
-        figure(&sections, "fig10")
-            .caption
-            .contains("learned policy: slope 0.12")
-    );
+    let inside = predicted.csv.lines().filter(|l| l.ends_with(",true")).count();
+    assert!(predicted.caption.contains(&format!("{inside} of 80 within ±2 sd")));
+    assert!(figure(&sections, "fig10").caption.contains("learned policy: slope 0.12"));
 }
 
 #[test]
 fn a_fall_is_counted_and_marked() {
-    let (_dir, run) = run(Faults {
-        fall: true,
-        ..Faults::default()
-    });
+    let (_dir, run) = run(Faults { fall: true, ..Faults::default() });
     assert_eq!(run.falls(), (1, 0));
     assert_eq!(run.transitions[31].end, StrideEnd::Fell);
     let sections = sections(&run);
     let learning = figure(&sections, "learning");
     assert!(learning.caption.contains("1 ended without a section"));
     assert!(learning.csv.contains("robot,2,32,-1,1,1,fell\n"));
-    assert!(
-        learning.svg.contains(">fall<"),
-        "the legend names the cross"
-    );
+    assert!(learning.svg.contains(">fall<"), "the legend names the cross");
 }
 
 #[test]
 fn a_killed_run_says_what_is_missing() {
-    let (_dir, run) = run(Faults {
-        killed: true,
-        ..Faults::default()
-    });
+    let (_dir, run) = run(Faults { killed: true, ..Faults::default() });
     assert!(!run.finished());
     assert_eq!(run.transitions.len(), 27);
     assert!(run.missing.contains(&"summary.json".to_owned()));
-    assert_eq!(
-        run.problems,
-        ["transitions.csv: the last line was cut off and is left out"]
-    );
+    assert_eq!(run.problems, ["transitions.csv: the last line was cut off and is left out"]);
     let sections = sections(&run);
-    assert!(
-        figure(&sections, "learning")
-            .caption
-            .contains("final policy (not measured)")
-    );
+    assert!(figure(&sections, "learning").caption.contains("final policy (not measured)"));
     assert!(sections[3].notes[0].contains("was not pushed"));
 }
 
@@ -145,28 +88,15 @@ fn a_byte_that_is_no_text_costs_one_line() {
     std::fs::write(&path, bytes).unwrap();
     let again = Run::read(&run.dir).unwrap();
     assert_eq!(again.record, run.record[1..]);
-    assert_eq!(
-        again.problems,
-        ["record.csv, line 2: is no text and is left out"]
-    );
+    assert_eq!(again.problems, ["record.csv, line 2: is no text and is left out"]);
 }
 
 #[test]
 fn one_stride_is_enough_for_a_picture() {
-    let (_dir, run) = run(Faults {
-        one_stride: true,
-        ..Faults::default()
-    });
+    let (_dir, run) = run(Faults { one_stride: true, ..Faults::default() });
     let sections = sections(&run);
-    assert!(
-        figure(&sections, "learning")
-            .caption
-            .contains("(n = 1 stride,")
-    );
-    assert_eq!(
-        sections[1].notes,
-        ["The run has no policy yet.", "The run has no map yet."]
-    );
+    assert!(figure(&sections, "learning").caption.contains("(n = 1 stride,"));
+    assert_eq!(sections[1].notes, ["The run has no policy yet.", "The run has no map yet."]);
 }
 
 #[test]
@@ -174,14 +104,7 @@ fn several_runs_share_their_axes() {
     let runs: Vec<Run> = (1..4)
         .map(|seed| {
             let dir = tempfile::tempdir().unwrap();
-            write_run(
-                dir.path(),
-                seed,
-                Faults {
-                    fall: seed == 2,
-                    ..Faults::default()
-                },
-            );
+            write_run(dir.path(), seed, Faults { fall: seed == 2, ..Faults::default() });
             Run::read(dir.path()).unwrap()
         })
         .collect();
@@ -190,29 +113,15 @@ fn several_runs_share_their_axes() {
     // Five points and 240 trials of each run, and five medians with their quartiles.
     assert_eq!(figure.csv.lines().count(), 1 + 3 * (5 + 240) + 5);
     assert!(figure.caption.contains("Thick line: median over the runs"));
-    figure
-        .write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery"))
-        .unwrap();
+    figure.write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery")).unwrap();
 }
 
 #[test]
 fn success_carries_its_interval() {
-    let rate = |strides, successes| SuccessRate {
-        strides,
-        successes,
-        runs: 100,
-    };
-    let figure = success_against_strides(&[
-        rate(80, 99),
-        rate(20, 41),
-        rate(40, 83),
-        rate(60, 94),
-        rate(100, 100),
-    ])
-    .unwrap();
-    figure
-        .write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery"))
-        .unwrap();
+    let rate = |strides, successes| SuccessRate { strides, successes, runs: 100 };
+    let figure =
+        success_against_strides(&[rate(80, 99), rate(20, 41), rate(40, 83), rate(60, 94), rate(100, 100)]).unwrap();
+    figure.write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery")).unwrap();
     assert!(figure.caption.contains("41 of 100 at 20, 83 of 100 at 40"));
     // Wilson for 99 of 100: 0.9455 to 0.9982.
     assert!(figure.csv.contains("80,99,100,0.99,0.9455") && figure.csv.contains(",0.9982"));
@@ -221,12 +130,8 @@ fn success_carries_its_interval() {
 #[test]
 fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
     let columns = Columns {
-        state: ["psi_roll_deg", "psi_pitch_deg", "psi_pitch_rate_deg_s"]
-            .map(str::to_owned)
-            .to_vec(),
-        action: ["walk_amplitude_deg", "ankle_lean_deg"]
-            .map(str::to_owned)
-            .to_vec(),
+        state: ["psi_roll_deg", "psi_pitch_deg", "psi_pitch_rate_deg_s"].map(str::to_owned).to_vec(),
+        action: ["walk_amplitude_deg", "ankle_lean_deg"].map(str::to_owned).to_vec(),
     };
     let mut grid = PolicyGrid {
         state: vec![Vec::new(); 3],
@@ -268,21 +173,12 @@ fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
         }
     }
     let gallery = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery/walking");
-    let figure = policy(&PolicyFigure {
-        iteration: 2,
-        columns: columns.clone(),
-        grid: grid.clone(),
-        ..PolicyFigure::default()
-    })
-    .unwrap();
+    let figure =
+        policy(&PolicyFigure { iteration: 2, columns: columns.clone(), grid: grid.clone(), ..PolicyFigure::default() })
+            .unwrap();
     assert_eq!(figure.svg.matches("class=\"panel\"").count(), 6);
     figure.write(&gallery).unwrap();
-    let data = MapFigure {
-        iteration: 2,
-        columns: columns.clone(),
-        grid: map,
-        strides: Vec::new(),
-    };
+    let data = MapFigure { iteration: 2, columns: columns.clone(), grid: map, strides: Vec::new() };
     let slices = map_slices(&data).unwrap();
     assert_eq!(slices.svg.matches("class=\"panel\"").count(), 9);
     slices.write(&gallery).unwrap();
@@ -290,20 +186,8 @@ fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
 
     // A column too few is refused, not drawn.
     grid.std.pop();
-    let short = PolicyFigure {
-        iteration: 2,
-        columns,
-        grid,
-        ..PolicyFigure::default()
-    };
-    assert!(matches!(
-        policy(&short),
-        Err(ReportError::Shape {
-            found: 1,
-            expected: 2,
-            ..
-        })
-    ));
+    let short = PolicyFigure { iteration: 2, columns, grid, ..PolicyFigure::default() };
+    assert!(matches!(policy(&short), Err(ReportError::Shape { found: 1, expected: 2, .. })));
 }
 
 #[test]
@@ -317,13 +201,7 @@ fn the_spread_over_seeds_is_that_of_the_textbook() {
     let runs = [curve("a", -0.01), curve("b", -0.02), curve("c", -0.04)];
     let figure = runs_compared(&runs, "mean reward").unwrap();
     // Quartiles of three values lie half-way to the median.
-    assert!(
-        figure
-            .csv
-            .contains("median,robot,20,-0.02,-0.03,-0.015,3\n"),
-        "{}",
-        figure.csv
-    );
+    assert!(figure.csv.contains("median,robot,20,-0.02,-0.03,-0.015,3\n"), "{}", figure.csv);
     // Two runs have no spread.
     let two = runs_compared(&runs[..2], "mean reward").unwrap();
     assert!(!two.csv.contains("median") && !two.caption.contains("median"));
@@ -332,23 +210,14 @@ fn the_spread_over_seeds_is_that_of_the_textbook() {
 
 #[test]
 fn actions_show_the_trust_region_and_the_warnings_of_the_guard() {
-    let (_dir, run) = run(Faults {
-        fall: true,
-        ..Faults::default()
-    });
+    let (_dir, run) = run(Faults { fall: true, ..Faults::default() });
     let mut strides = run.transitions.clone();
     strides[50].phase = StridePhase::Evaluate;
     let known = ActionIteration {
         iteration: 3,
-        region: Some(Region {
-            lower: vec![0.5],
-            upper: vec![2.5],
-        }),
+        region: Some(Region { lower: vec![0.5], upper: vec![2.5] }),
         verdict: Some(Verdict::Warned),
-        warnings: vec![GuardWarning {
-            stride: 11,
-            warning: Warning::Turn,
-        }],
+        warnings: vec![GuardWarning { stride: 11, warning: Warning::Turn }],
     };
     let figure = actions(&ActionFigure {
         columns: run.columns.clone(),
@@ -357,41 +226,19 @@ fn actions_show_the_trust_region_and_the_warnings_of_the_guard() {
         proven: Some(vec![2.0]),
     })
     .unwrap();
-    assert!(
-        figure.caption.contains("(the robot turns, once)"),
-        "{}",
-        figure.caption
-    );
+    assert!(figure.caption.contains("(the robot turns, once)"), "{}", figure.caption);
     assert!(figure.caption.contains("3 turned back by the guard"));
     // Stride 51 of the run is the 11th of the third iteration; only strides that try a policy have a region.
     let row = figure.csv.lines().nth(51).unwrap();
-    assert!(
-        row.starts_with("51,3,evaluate,") && row.ends_with(",0.5,2.5,turn,crossing"),
-        "{row}"
-    );
-    assert!(
-        figure
-            .csv
-            .lines()
-            .nth(50)
-            .unwrap()
-            .ends_with(",,,,crossing")
-    );
-    let empty = ActionFigure {
-        columns: run.columns,
-        ..ActionFigure::default()
-    };
+    assert!(row.starts_with("51,3,evaluate,") && row.ends_with(",0.5,2.5,turn,crossing"), "{row}");
+    assert!(figure.csv.lines().nth(50).unwrap().ends_with(",,,,crossing"));
+    let empty = ActionFigure { columns: run.columns, ..ActionFigure::default() };
     assert!(matches!(actions(&empty), Err(ReportError::Empty { .. })));
 }
 
 #[test]
 fn return_maps_without_pushes_tell_slope_and_fixed_point() {
-    let line = ReturnMapLine {
-        slope: 0.5,
-        slope_std_error: 0.1,
-        fixed_point_deg: Some(2.0),
-        pairs: 2,
-    };
+    let line = ReturnMapLine { slope: 0.5, slope_std_error: 0.1, fixed_point_deg: Some(2.0), pairs: 2 };
     let figure = undisturbed_return_maps(&UndisturbedReturnMaps {
         name: "psi_roll_deg".into(),
         runs: vec![Undisturbed {
@@ -414,18 +261,8 @@ fn cuts_through_a_map_stand_at_the_policy() {
     let (_dir, run) = run(Faults::default());
     let sections = sections(&run);
     let lines = figure(&sections, "map-lines");
-    assert!(
-        lines
-            .caption
-            .contains("uprights: ψ_roll 2.20 deg, A_step 1.90 deg"),
-        "{}",
-        lines.caption
-    );
+    assert!(lines.caption.contains("uprights: ψ_roll 2.20 deg, A_step 1.90 deg"), "{}", lines.caption);
     assert_eq!(lines.csv.lines().count(), 1 + 2 * 41);
     let one_on = figure(&sections, "push-1");
-    assert!(
-        one_on
-            .caption
-            .contains("one stride later, on the other leg")
-    );
+    assert!(one_on.caption.contains("one stride later, on the other leg"));
 }

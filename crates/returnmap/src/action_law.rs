@@ -55,31 +55,15 @@ impl ActionLaw {
     /// lies outside of them, a rate is not positive, or a gain is outside (0, 1].
     pub fn new(limits: Vec<ActionLimits>) -> Result<Self, ProcessError> {
         for l in &limits {
-            let parameter = |name, value, requirement| ProcessError::Parameter {
-                name,
-                value,
-                requirement,
-            };
+            let parameter = |name, value, requirement| ProcessError::Parameter { name, value, requirement };
             if !(l.lower.is_finite() && l.upper.is_finite() && l.lower <= l.upper) {
-                return Err(parameter(
-                    "upper",
-                    l.upper,
-                    "must be finite and at least the lower",
-                ));
+                return Err(parameter("upper", l.upper, "must be finite and at least the lower"));
             }
             if !(l.lower..=l.upper).contains(&l.neutral) {
-                return Err(parameter(
-                    "neutral",
-                    l.neutral,
-                    "must lie within the bounds",
-                ));
+                return Err(parameter("neutral", l.neutral, "must lie within the bounds"));
             }
             if l.rate_per_stride.is_nan() || l.rate_per_stride <= 0.0 {
-                return Err(parameter(
-                    "rate_per_stride",
-                    l.rate_per_stride,
-                    "must be positive",
-                ));
+                return Err(parameter("rate_per_stride", l.rate_per_stride, "must be positive"));
             }
             if !(l.gain > 0.0 && l.gain <= 1.0) {
                 return Err(parameter("gain", l.gain, "must lie in (0, 1]"));
@@ -119,16 +103,10 @@ impl ActionLaw {
     /// unchanged.
     pub fn apply(&mut self, wanted: &[f64]) -> Result<Action, ProcessError> {
         if wanted.len() != self.limits.len() {
-            return Err(ProcessError::ActionLength {
-                expected: self.limits.len(),
-                found: wanted.len(),
-            });
+            return Err(ProcessError::ActionLength { expected: self.limits.len(), found: wanted.len() });
         }
         if let Some(component) = wanted.iter().position(|a| !a.is_finite()) {
-            return Err(ProcessError::ActionNotFinite {
-                component,
-                value: wanted[component],
-            });
+            return Err(ProcessError::ActionNotFinite { component, value: wanted[component] });
         }
         for ((last, want), l) in self.last.iter_mut().zip(wanted).zip(&self.limits) {
             let target = want.clamp(l.lower, l.upper);
@@ -149,23 +127,11 @@ mod tests {
 
     #[test]
     fn a_bad_action_is_refused_and_changes_nothing() {
-        let limits = ActionLimits {
-            lower: -1.0,
-            upper: 1.0,
-            rate_per_stride: f64::INFINITY,
-            gain: 1.0,
-            neutral: 0.0,
-        };
+        let limits = ActionLimits { lower: -1.0, upper: 1.0, rate_per_stride: f64::INFINITY, gain: 1.0, neutral: 0.0 };
         let mut law = ActionLaw::new(vec![limits]).unwrap();
         law.apply(&[0.5]).unwrap();
-        assert!(matches!(
-            law.apply(&[]),
-            Err(ProcessError::ActionLength { .. })
-        ));
-        assert!(matches!(
-            law.apply(&[f64::NAN]),
-            Err(ProcessError::ActionNotFinite { .. })
-        ));
+        assert!(matches!(law.apply(&[]), Err(ProcessError::ActionLength { .. })));
+        assert!(matches!(law.apply(&[f64::NAN]), Err(ProcessError::ActionNotFinite { .. })));
         assert!((law.last()[0] - 0.5).abs() < 1e-15);
         law.reset();
         assert!(law.last()[0].abs() < 1e-15);
@@ -175,13 +141,7 @@ mod tests {
     /// `gain / (2 − gain)`: with 0.4 it is 0.25, so that feedback cannot feed the flip.
     #[test]
     fn gain_at_the_flip_frequency() {
-        let limits = ActionLimits {
-            lower: -5.0,
-            upper: 5.0,
-            rate_per_stride: 2.0,
-            gain: 0.4,
-            neutral: 0.0,
-        };
+        let limits = ActionLimits { lower: -5.0, upper: 5.0, rate_per_stride: 2.0, gain: 0.4, neutral: 0.0 };
         let mut law = ActionLaw::new(vec![limits]).unwrap();
         let mut applied = 0.0;
         for k in 0..100 {

@@ -6,8 +6,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Action, ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State,
-    StateDimension, Stride, StrideEnd, StrideProcess, clipped_action,
+    Action, ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride,
+    StrideEnd, StrideProcess, clipped_action,
 };
 
 /// Step of the Runge-Kutta integration: energy over a swing to a part in 10¹⁰.
@@ -110,72 +110,31 @@ impl CompassGait {
         for (name, value, holds, requirement) in [
             ("leg_kg", p.leg_kg, p.leg_kg > 0.0, positive),
             ("hip_kg", p.hip_kg, p.hip_kg >= 0.0, not_negative),
-            (
-                "foot_to_mass_m",
-                p.foot_to_mass_m,
-                p.foot_to_mass_m > 0.0,
-                positive,
-            ),
-            (
-                "mass_to_hip_m",
-                p.mass_to_hip_m,
-                p.mass_to_hip_m > 0.0,
-                positive,
-            ),
-            (
-                "slope_rad",
-                p.slope_rad,
-                p.slope_rad.abs() < 0.3,
-                "must be within ±0.3",
-            ),
-            (
-                "gravity_m_s2",
-                p.gravity_m_s2,
-                p.gravity_m_s2 > 0.0,
-                positive,
-            ),
-            (
-                "max_hip_torque_nm",
-                p.max_hip_torque_nm,
-                p.max_hip_torque_nm >= 0.0,
-                not_negative,
-            ),
+            ("foot_to_mass_m", p.foot_to_mass_m, p.foot_to_mass_m > 0.0, positive),
+            ("mass_to_hip_m", p.mass_to_hip_m, p.mass_to_hip_m > 0.0, positive),
+            ("slope_rad", p.slope_rad, p.slope_rad.abs() < 0.3, "must be within ±0.3"),
+            ("gravity_m_s2", p.gravity_m_s2, p.gravity_m_s2 > 0.0, positive),
+            ("max_hip_torque_nm", p.max_hip_torque_nm, p.max_hip_torque_nm >= 0.0, not_negative),
             ("target_m_s", p.target_m_s, true, "must be finite"),
             ("initial", p.initial[0], true, "must be finite"),
             ("initial", p.initial[1], true, "must be finite"),
             ("initial", p.initial[2], true, "must be finite"),
-            (
-                "initial_std",
-                p.initial_std,
-                p.initial_std >= 0.0,
-                not_negative,
-            ),
+            ("initial_std", p.initial_std, p.initial_std >= 0.0, not_negative),
         ] {
             if !(value.is_finite() && holds) {
-                return Err(ProcessError::Parameter {
-                    name,
-                    value,
-                    requirement,
-                });
+                return Err(ProcessError::Parameter { name, value, requirement });
             }
         }
         let names = ["stance_rad", "stance_rate_rad_s", "swing_rate_rad_s"];
         let spec = ProcessSpec {
-            state: names
-                .iter()
-                .map(|n| StateDimension { name: (*n).into() })
-                .collect(),
+            state: names.iter().map(|n| StateDimension { name: (*n).into() }).collect(),
             action: vec![ActionDimension {
                 name: "hip_torque_nm".into(),
                 lower: -p.max_hip_torque_nm,
                 upper: p.max_hip_torque_nm,
             }],
         };
-        Ok(Self {
-            parameters,
-            spec,
-            state: None,
-        })
+        Ok(Self { parameters, spec, state: None })
     }
 
     fn leg_m(&self) -> f64 {
@@ -187,12 +146,7 @@ impl CompassGait {
         let p = &self.parameters;
         let (a, b, l, m) = (p.foot_to_mass_m, p.mass_to_hip_m, self.leg_m(), p.leg_kg);
         let coupling = -m * l * b * (x[0] - x[1]).cos();
-        Matrix2::new(
-            (p.hip_kg + m) * l * l + m * a * a,
-            coupling,
-            coupling,
-            m * b * b,
-        )
+        Matrix2::new((p.hip_kg + m) * l * l + m * a * a, coupling, coupling, m * b * b)
     }
 
     /// Kinetic and potential energy, in joules; the stance foot at height zero.
@@ -208,13 +162,7 @@ impl CompassGait {
 
     fn derivative(&self, x: &Full, torque: f64) -> Full {
         let p = &self.parameters;
-        let (a, b, l, m, g) = (
-            p.foot_to_mass_m,
-            p.mass_to_hip_m,
-            self.leg_m(),
-            p.leg_kg,
-            p.gravity_m_s2,
-        );
+        let (a, b, l, m, g) = (p.foot_to_mass_m, p.mass_to_hip_m, self.leg_m(), p.leg_kg, p.gravity_m_s2);
         let bend = m * l * b * (x[0] - x[1]).sin();
         let force = Vector2::new(
             bend * x[3] * x[3] + g * ((p.hip_kg + m) * l + m * a) * x[0].sin() - torque,
@@ -255,11 +203,7 @@ impl CompassGait {
         let mut about_foot = momentum(p.hip_kg, hip, hip_speed);
         let mut about_hip = 0.0;
         for leg in 0..2 {
-            let speed = if leg == pivot {
-                a * turning(leg)
-            } else {
-                hip_speed - b * turning(leg)
-            };
+            let speed = if leg == pivot { a * turning(leg) } else { hip_speed - b * turning(leg) };
             about_foot += momentum(m, hip - b * along(leg), speed);
             if leg == 0 {
                 about_hip = momentum(m, -b * along(leg), speed);
@@ -315,11 +259,7 @@ impl MeanMap for CompassGait {
     fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, AnalysisError> {
         if state.len() != 3 {
             let found = state.len();
-            return Err(AnalysisError::Length {
-                quantity: "state",
-                expected: 3,
-                found,
-            });
+            return Err(AnalysisError::Length { quantity: "state", expected: 3, found });
         }
         let action = clipped_action(&self.spec, action)?;
         match self.step(state, action[0]) {
@@ -357,19 +297,9 @@ impl StrideProcess for CompassGait {
                 self.state = Some(next_state.clone());
                 let stride_m = 2.0 * self.leg_m() * (0.5 * (x[1] - x[0])).sin();
                 let reward = -(stride_m / time - self.parameters.target_m_s).powi(2);
-                Stride {
-                    action,
-                    next_state,
-                    reward,
-                    end: StrideEnd::Crossing,
-                }
+                Stride { action, next_state, reward, end: StrideEnd::Crossing }
             }
-            Err(end) => Stride {
-                action,
-                next_state: state,
-                reward: -1.0,
-                end,
-            },
+            Err(end) => Stride { action, next_state: state, reward: -1.0, end },
         })
     }
 }
@@ -380,21 +310,11 @@ mod tests {
     use crate::{FixedPoint, fixed_point};
 
     fn gait(slope_deg: f64) -> CompassGait {
-        CompassGait::new(CompassGaitParameters {
-            slope_rad: slope_deg.to_radians(),
-            ..Default::default()
-        })
-        .unwrap()
+        CompassGait::new(CompassGaitParameters { slope_rad: slope_deg.to_radians(), ..Default::default() }).unwrap()
     }
 
     fn passive(slope_deg: f64, guess: &[f64]) -> FixedPoint {
-        fixed_point(
-            &gait(slope_deg),
-            &|_| Action::from_slice(&[0.0]),
-            guess,
-            &[1e-5; 3],
-        )
-        .unwrap()
+        fixed_point(&gait(slope_deg), &|_| Action::from_slice(&[0.0]), guess, &[1e-5; 3]).unwrap()
     }
 
     #[test]
@@ -423,17 +343,9 @@ mod tests {
         // Velocities of hip, trailing mass and leading mass, before and after, from scratch.
         let unit = |q: f64| Vector2::new(q.cos(), -q.sin());
         let (trail, lead) = (unit(before[0]), unit(before[1]));
-        let v0 = [
-            trail * 1.5,
-            0.5 * trail * 1.5,
-            trail * 1.5 - 0.5 * lead * 1.8,
-        ];
+        let v0 = [trail * 1.5, 0.5 * trail * 1.5, trail * 1.5 - 0.5 * lead * 1.8];
         let (p_lead, p_trail) = (after[2], after[3]);
-        let v1 = [
-            lead * p_lead,
-            lead * p_lead - 0.5 * trail * p_trail,
-            0.5 * lead * p_lead,
-        ];
+        let v1 = [lead * p_lead, lead * p_lead - 0.5 * trail * p_trail, 0.5 * lead * p_lead];
         let r = |q: f64| Vector2::new(q.sin(), q.cos());
         let hip = r(before[1]);
         let places = [hip, hip - 0.5 * r(before[0]), 0.5 * hip];
@@ -476,15 +388,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         assert_eq!(end([-0.2, -1.0, 0.0]), StrideEnd::Fell); // backwards
-        let bad = CompassGaitParameters {
-            leg_kg: 0.0,
-            ..Default::default()
-        };
-        assert!(
-            CompassGait::new(bad)
-                .unwrap_err()
-                .to_string()
-                .starts_with("leg_kg")
-        );
+        let bad = CompassGaitParameters { leg_kg: 0.0, ..Default::default() };
+        assert!(CompassGait::new(bad).unwrap_err().to_string().starts_with("leg_kg"));
     }
 }

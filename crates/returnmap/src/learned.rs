@@ -143,26 +143,15 @@ impl LearnedMap {
         let points = Points::new(&inputs, dims)?;
         let mut outputs = Vec::with_capacity(states);
         for component in 0..states {
-            let target =
-                |s: &MapSample| config.target(component, &s.state, s.next_state[component]);
+            let target = |s: &MapSample| config.target(component, &s.state, s.next_state[component]);
             let mut y: Vec<f64> = samples.iter().map(target).collect();
             settle(&mut y, 1);
             let noise = config.min_noise_std.as_ref().map(|stds| stds[component]);
-            outputs.push(Gp::fit(
-                points,
-                &y,
-                &config.fit_options(&inputs, &y, noise),
-                rng,
-            )?);
+            outputs.push(Gp::fit(points, &y, &config.fit_options(&inputs, &y, noise), rng)?);
         }
         let reward = if world.reward.is_none() {
             let y: Vec<f64> = samples.iter().map(|s| s.reward).collect();
-            Some(Arc::new(Gp::fit(
-                points,
-                &y,
-                &config.fit_options(&inputs, &y, None),
-                rng,
-            )?))
+            Some(Arc::new(Gp::fit(points, &y, &config.fit_options(&inputs, &y, None), rng)?))
         } else {
             None
         };
@@ -215,12 +204,7 @@ impl LearnedMap {
     /// # Errors
     ///
     /// [`ProcessError::Map`] for inputs that are not finite.
-    pub fn predict(
-        &self,
-        state: &[f64],
-        action: &[f64],
-        last_action: &[f64],
-    ) -> Result<(State, State), ProcessError> {
+    pub fn predict(&self, state: &[f64], action: &[f64], last_action: &[f64]) -> Result<(State, State), ProcessError> {
         let mut row = Vec::new();
         self.config.input_row(state, action, last_action, &mut row);
         let (mut means, mut variances) = (State::new(), State::new());
@@ -253,11 +237,7 @@ impl LearnedMap {
                 Some((p.mean, p.latent_variance))
             }
         };
-        Ok(MapPrediction {
-            means,
-            latent_variances,
-            reward,
-        })
+        Ok(MapPrediction { means, latent_variances, reward })
     }
 
     /// Slopes of the next state by central differences, and what the map does not know of them.
@@ -280,13 +260,10 @@ impl LearnedMap {
         moves: &[(MapPoint, MapPoint, f64)],
     ) -> Result<(DMatrix<f64>, Vec<DMatrix<f64>>), ProcessError> {
         let count = moves.len();
-        let dims = self
-            .config
-            .dims(self.world.spec.state.len(), self.world.spec.action.len());
+        let dims = self.config.dims(self.world.spec.state.len(), self.world.spec.action.len());
         let mut inputs = Vec::with_capacity(2 * count * dims);
         for p in moves.iter().flat_map(|(ahead, behind, _)| [ahead, behind]) {
-            self.config
-                .input_row(&p.state, &p.action, &p.last_action, &mut inputs);
+            self.config.input_row(&p.state, &p.action, &p.last_action, &mut inputs);
         }
         let points = Points::new(&inputs, dims)?;
         // The difference quotient: slopes = D f, with two entries a row.
@@ -326,10 +303,8 @@ impl LearnedMap {
         self.config.input_row(&names, &action, &last, &mut inputs);
         names.push("reward".into());
         let all = self.outputs.iter().chain(self.reward.as_deref());
-        let mut outputs: Vec<SavedOutput> = all
-            .zip(names)
-            .map(|(gp, name)| SavedOutput::of(gp, name, &inputs))
-            .collect::<Result<_, _>>()?;
+        let mut outputs: Vec<SavedOutput> =
+            all.zip(names).map(|(gp, name)| SavedOutput::of(gp, name, &inputs)).collect::<Result<_, _>>()?;
         // What is shown of an invariant component is its next value, as for the others.
         for &i in &self.config.invariant {
             let shown = &mut outputs[i].leave_one_out;
@@ -379,12 +354,9 @@ impl StrideProcess for LearnedMap {
     fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
         self.law.reset();
         let state: State = match self.config.start {
-            MapStart::Uniform => self
-                .config
-                .start_range
-                .iter()
-                .map(|[low, high]| low + (high - low) * rng.random::<f64>())
-                .collect(),
+            MapStart::Uniform => {
+                self.config.start_range.iter().map(|[low, high]| low + (high - low) * rng.random::<f64>()).collect()
+            }
             MapStart::Data => {
                 let sample = &self.samples[rng.random_range(0..self.samples.len())];
                 self.law.reset_to(sample.last_action.clone());
@@ -403,8 +375,7 @@ impl StrideProcess for LearnedMap {
         let action = self.law.apply(action)?;
         let mut row = std::mem::take(&mut self.row);
         row.clear();
-        self.config
-            .input_row(&state, &action, &last_action, &mut row);
+        self.config.input_row(&state, &action, &last_action, &mut row);
         self.row = row;
         let mut next_state = State::new();
         for i in 0..self.outputs.len() {
@@ -421,19 +392,10 @@ impl StrideProcess for LearnedMap {
             (None, Some(gp)) => self.draw(Output::Reward(Arc::clone(gp)), rng)?,
             (None, None) => 0.0,
         };
-        let end = if fell {
-            StrideEnd::Fell
-        } else {
-            StrideEnd::Crossing
-        };
+        let end = if fell { StrideEnd::Fell } else { StrideEnd::Crossing };
         if !fell {
             self.state = Some(next_state.clone());
         }
-        Ok(Stride {
-            action,
-            next_state,
-            reward,
-            end,
-        })
+        Ok(Stride { action, next_state, reward, end })
     }
 }

@@ -39,15 +39,13 @@ pub use action_law::{ActionLaw, ActionLimits};
 pub use analysis::{AnalysisError, MeanMap};
 pub use compass_gait::{CompassGait, CompassGaitParameters};
 pub use kick::{Kick, decay_after_kick};
-pub use learned::{
-    LearnedMap, MapFailure, MapPoint, MapPrediction, MapSample, MapWorld, StateReward,
-};
+pub use learned::{LearnedMap, MapFailure, MapPoint, MapPrediction, MapSample, MapWorld, StateReward};
 pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
 pub use linear_quadratic::{LinearFeedback, linear_quadratic_feedback};
 pub use map_config::{MapConfig, MapDraw, MapInput, MapStart};
 pub use process::{
-    Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
-    StrideProcess, clipped_action,
+    Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
+    clipped_action,
 };
 pub use return_line::ReturnLine;
 pub use rimless_wheel::{RimlessWheel, RimlessWheelParameters};

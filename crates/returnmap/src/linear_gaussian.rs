@@ -6,8 +6,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Action, ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State,
-    StateDimension, Stride, StrideEnd, StrideProcess, clipped_action, linear_quadratic_feedback,
+    Action, ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride,
+    StrideEnd, StrideProcess, clipped_action, linear_quadratic_feedback,
 };
 
 /// Parameters of a [`LinearGaussianMap`]; n states, m actions, no units.
@@ -129,15 +129,7 @@ impl LinearGaussianMap {
         let p = &parameters;
         let (n, m) = (p.a.len(), p.action_bounds.len());
         let length = |quantity, found, expected| {
-            if found == expected {
-                Ok(())
-            } else {
-                Err(AnalysisError::Length {
-                    quantity,
-                    expected,
-                    found,
-                })
-            }
+            if found == expected { Ok(()) } else { Err(AnalysisError::Length { quantity, expected, found }) }
         };
         for row in &p.a {
             length("a row of a", row.len(), n)?;
@@ -157,17 +149,10 @@ impl LinearGaussianMap {
         ] {
             length(quantity, values.len(), n)?;
         }
-        let numbers =
-            p.a.iter()
-                .chain(&p.b)
-                .chain([&p.offset, &p.target, &p.initial_mean]);
+        let numbers = p.a.iter().chain(&p.b).chain([&p.offset, &p.target, &p.initial_mean]);
         for (index, &value) in numbers.flatten().enumerate() {
             if !value.is_finite() {
-                return Err(AnalysisError::NotFinite {
-                    quantity: "a, b, ...",
-                    index,
-                    value,
-                });
+                return Err(AnalysisError::NotFinite { quantity: "a, b, ...", index, value });
             }
         }
         for (name, values) in [
@@ -179,12 +164,7 @@ impl LinearGaussianMap {
             for &value in values {
                 if !(value.is_finite() && value >= 0.0) {
                     let requirement = "must be finite and not negative";
-                    return Err(ProcessError::Parameter {
-                        name,
-                        value,
-                        requirement,
-                    }
-                    .into());
+                    return Err(ProcessError::Parameter { name, value, requirement }.into());
                 }
             }
         }
@@ -192,36 +172,19 @@ impl LinearGaussianMap {
             if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
                 let requirement = "bounds must be finite, the lower one first";
                 let name = "action_bounds";
-                return Err(ProcessError::Parameter {
-                    name,
-                    value: lower,
-                    requirement,
-                }
-                .into());
+                return Err(ProcessError::Parameter { name, value: lower, requirement }.into());
             }
         }
         let spec = ProcessSpec {
-            state: (0..n)
-                .map(|i| StateDimension {
-                    name: format!("x{i}"),
-                })
-                .collect(),
+            state: (0..n).map(|i| StateDimension { name: format!("x{i}") }).collect(),
             action: p
                 .action_bounds
                 .iter()
                 .enumerate()
-                .map(|(j, &[lower, upper])| ActionDimension {
-                    name: format!("u{j}"),
-                    lower,
-                    upper,
-                })
+                .map(|(j, &[lower, upper])| ActionDimension { name: format!("u{j}"), lower, upper })
                 .collect(),
         };
-        Ok(Self {
-            parameters,
-            spec,
-            state: None,
-        })
+        Ok(Self { parameters, spec, state: None })
     }
 
     /// The parameters.
@@ -242,9 +205,7 @@ impl LinearGaussianMap {
         let (gain, p_matrix) = (feedback.gain, feedback.cost_to_go);
         let m_matrix = &s.q + discount * &p_matrix;
         let curvature = &s.r + s.b.transpose() * &m_matrix * &s.b;
-        let inverse = curvature.try_inverse().ok_or(AnalysisError::Riccati {
-            reason: "R + Bᵀ M B is singular",
-        })?;
+        let inverse = curvature.try_inverse().ok_or(AnalysisError::Riccati { reason: "R + Bᵀ M B is singular" })?;
         // In y = x − x_d, y′ = A y + B u + d.
         let d = &s.a * &s.target + &s.offset - &s.target;
         let mut p = DVector::zeros(s.target.len());
@@ -253,8 +214,7 @@ impl LinearGaussianMap {
             k = -&inverse * s.b.transpose() * (&m_matrix * &d + discount * &p);
             let closed = &s.a + &s.b * &gain;
             let f = &s.b * &k + &d;
-            let next =
-                closed.transpose() * (&m_matrix * f + discount * &p) + gain.transpose() * &s.r * &k;
+            let next = closed.transpose() * (&m_matrix * f + discount * &p) + gain.transpose() * &s.r * &k;
             let change = (&next - &p).amax();
             p = next;
             if change <= 1e-14 * p.amax() {
@@ -294,10 +254,8 @@ impl LinearGaussianMap {
         let mut converged = false;
         for _ in 0..100_000 {
             let m_matrix = &s.q + discount * &p_matrix;
-            let next_matrix =
-                closed.transpose() * &m_matrix * &closed + gain.transpose() * &s.r * gain;
-            let next = closed.transpose() * (&m_matrix * &f + discount * &p)
-                + gain.transpose() * &s.r * &k;
+            let next_matrix = closed.transpose() * &m_matrix * &closed + gain.transpose() * &s.r * gain;
+            let next = closed.transpose() * (&m_matrix * &f + discount * &p) + gain.transpose() * &s.r * &k;
             let change = (&next_matrix - &p_matrix).amax().max((&next - &p).amax());
             let size = next_matrix.amax().max(next.amax());
             (p_matrix, p) = (next_matrix, next);
@@ -311,19 +269,11 @@ impl LinearGaussianMap {
         let per_stride = f.dot(&(&m_matrix * &f))
             + 2.0 * discount * p.dot(&f)
             + k.dot(&(&s.r * &k))
-            + (0..n)
-                .map(|i| m_matrix[(i, i)] * self.parameters.noise_std[i].powi(2))
-                .sum::<f64>()
-            + std
-                .iter()
-                .enumerate()
-                .map(|(j, v)| by_action[(j, j)] * v * v)
-                .sum::<f64>();
+            + (0..n).map(|i| m_matrix[(i, i)] * self.parameters.noise_std[i].powi(2)).sum::<f64>()
+            + std.iter().enumerate().map(|(j, v)| by_action[(j, j)] * v * v).sum::<f64>();
         let constant = per_stride / (1.0 - discount);
         if !(converged && constant.is_finite()) {
-            return Err(AnalysisError::Riccati {
-                reason: "the policy's value is infinite",
-            });
+            return Err(AnalysisError::Riccati { reason: "the policy's value is infinite" });
         }
         Ok(QuadraticValue {
             gain: gain.clone(),
@@ -377,11 +327,7 @@ impl MeanMap for LinearGaussianMap {
         let expected = self.spec.state.len();
         if state.len() != expected {
             let found = state.len();
-            return Err(AnalysisError::Length {
-                quantity: "state",
-                expected,
-                found,
-            });
+            return Err(AnalysisError::Length { quantity: "state", expected, found });
         }
         Ok(self.mean(state, &clipped_action(&self.spec, action)?))
     }
@@ -425,20 +371,10 @@ impl StrideProcess for LinearGaussianMap {
             reward -= cost * u * u;
         }
         if fell {
-            return Ok(Stride {
-                action,
-                next_state,
-                reward: -1.0,
-                end: StrideEnd::Fell,
-            });
+            return Ok(Stride { action, next_state, reward: -1.0, end: StrideEnd::Fell });
         }
         self.state = Some(next_state.clone());
-        Ok(Stride {
-            action,
-            next_state,
-            reward,
-            end: StrideEnd::Crossing,
-        })
+        Ok(Stride { action, next_state, reward, end: StrideEnd::Crossing })
     }
 }
 
@@ -502,10 +438,7 @@ mod tests {
             let mean = returns.iter().sum::<f64>() / n;
             let variance = returns.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
             let exact = policy.value(&[1.0, -1.0]);
-            assert!(
-                (mean - exact).abs() < 4.0 * (variance / n).sqrt(),
-                "{mean} is not {exact}"
-            );
+            assert!((mean - exact).abs() < 4.0 * (variance / n).sqrt(), "{mean} is not {exact}");
         }
     }
 
@@ -520,20 +453,10 @@ mod tests {
                 for j in 0..2 {
                     let mut gain = best.gain.clone();
                     gain[j] += sign;
-                    assert!(
-                        map.evaluate(&gain, &best.offset, &none, 0.9)
-                            .unwrap()
-                            .value(&x)
-                            < optimum
-                    );
+                    assert!(map.evaluate(&gain, &best.offset, &none, 0.9).unwrap().value(&x) < optimum);
                 }
                 let offset = best.offset.add_scalar(sign);
-                assert!(
-                    map.evaluate(&best.gain, &offset, &none, 0.9)
-                        .unwrap()
-                        .value(&x)
-                        < optimum
-                );
+                assert!(map.evaluate(&best.gain, &offset, &none, 0.9).unwrap().value(&x) < optimum);
             }
         }
     }
@@ -575,10 +498,7 @@ mod tests {
         })
         .unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        assert!(matches!(
-            map.stride(&[0.0], &mut rng),
-            Err(ProcessError::NotReset)
-        ));
+        assert!(matches!(map.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
         let mut fell = 0;
         for _ in 0..200 {
             map.reset(&mut rng).unwrap();
@@ -586,25 +506,14 @@ mod tests {
             assert!(stride.action[0] <= 5.0);
             if stride.end == StrideEnd::Fell {
                 fell += 1;
-                assert!(matches!(
-                    map.stride(&[0.0], &mut rng),
-                    Err(ProcessError::NotReset)
-                ));
+                assert!(matches!(map.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
             }
         }
         assert!(fell > 20);
         map.reset(&mut rng).unwrap();
         assert!(map.stride(&[f64::NAN], &mut rng).is_err());
         assert!(map.stride(&[0.0, 1.0], &mut rng).is_err());
-        let bad = LinearGaussianParameters {
-            noise_std: vec![-1.0],
-            ..map.parameters().clone()
-        };
-        assert!(
-            LinearGaussianMap::new(bad)
-                .unwrap_err()
-                .to_string()
-                .starts_with("noise_std")
-        );
+        let bad = LinearGaussianParameters { noise_std: vec![-1.0], ..map.parameters().clone() };
+        assert!(LinearGaussianMap::new(bad).unwrap_err().to_string().starts_with("noise_std"));
     }
 }

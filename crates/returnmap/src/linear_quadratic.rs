@@ -69,44 +69,30 @@ pub fn linear_quadratic_feedback(
         ("columns of R", action_cost.ncols(), m),
     ] {
         if found != expected {
-            return Err(AnalysisError::Length {
-                quantity,
-                expected,
-                found,
-            });
+            return Err(AnalysisError::Length { quantity, expected, found });
         }
     }
     if !(0.0..=1.0).contains(&discount) {
-        return Err(AnalysisError::Riccati {
-            reason: "the discount must be from 0 to 1",
-        });
+        return Err(AnalysisError::Riccati { reason: "the discount must be from 0 to 1" });
     }
     let mut p = DMatrix::zeros(n, n);
     for _ in 0..MOST_ITERATIONS {
         let m_matrix = state_cost + discount * &p;
         let gain = greedy_gain(a, b, &m_matrix, action_cost)?;
         let closed = a + b * &gain;
-        let mut next =
-            closed.transpose() * &m_matrix * &closed + gain.transpose() * action_cost * &gain;
+        let mut next = closed.transpose() * &m_matrix * &closed + gain.transpose() * action_cost * &gain;
         next = 0.5 * (&next + next.transpose());
         let change = (&next - &p).amax();
         p = next;
         if !change.is_finite() {
-            return Err(AnalysisError::Riccati {
-                reason: "the cost-to-go is not finite",
-            });
+            return Err(AnalysisError::Riccati { reason: "the cost-to-go is not finite" });
         }
         if change <= TOLERANCE * p.amax().max(f64::MIN_POSITIVE) {
             let gain = greedy_gain(a, b, &(state_cost + discount * &p), action_cost)?;
-            return Ok(LinearFeedback {
-                gain,
-                cost_to_go: p,
-            });
+            return Ok(LinearFeedback { gain, cost_to_go: p });
         }
     }
-    Err(AnalysisError::Riccati {
-        reason: "no convergence; is the map stabilisable?",
-    })
+    Err(AnalysisError::Riccati { reason: "no convergence; is the map stabilisable?" })
 }
 
 /// K = −(R + Bᵀ M B)⁻¹ Bᵀ M A.
@@ -118,9 +104,7 @@ fn greedy_gain(
 ) -> Result<DMatrix<f64>, AnalysisError> {
     let curvature = action_cost + b.transpose() * m_matrix * b;
     if curvature.iter().any(|v| !v.is_finite()) {
-        return Err(AnalysisError::Riccati {
-            reason: "A, B, Q or R is not finite",
-        });
+        return Err(AnalysisError::Riccati { reason: "A, B, Q or R is not finite" });
     }
     let cholesky = curvature.cholesky().ok_or(AnalysisError::Riccati {
         reason: "R + Bᵀ M B is not positive: some action has neither cost nor effect",

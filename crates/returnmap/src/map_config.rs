@@ -90,19 +90,9 @@ impl MapConfig {
     ///
     /// [`ProcessError::Parameter`] that names the key at fault.
     pub fn validate(&self, states: usize, actions: usize) -> Result<(), ProcessError> {
-        let bad = |name, value, requirement| {
-            Err(ProcessError::Parameter {
-                name,
-                value,
-                requirement,
-            })
-        };
+        let bad = |name, value, requirement| Err(ProcessError::Parameter { name, value, requirement });
         if let Some(&i) = self.invariant.iter().find(|i| **i >= states) {
-            return bad(
-                "map.invariant",
-                i as f64,
-                "must be a component of the state",
-            );
+            return bad("map.invariant", i as f64, "must be a component of the state");
         }
         let dims = self.dims(states, actions);
         for input in [MapInput::State, MapInput::Action] {
@@ -110,33 +100,19 @@ impl MapConfig {
                 return bad("map.inputs", 0.0, "must name \"state\" and \"action\"");
             }
         }
-        if self.inputs.len() > 3
-            || (1..self.inputs.len()).any(|i| self.inputs[..i].contains(&self.inputs[i]))
-        {
-            return bad(
-                "map.inputs",
-                self.inputs.len() as f64,
-                "must name each input once",
-            );
+        if self.inputs.len() > 3 || (1..self.inputs.len()).any(|i| self.inputs[..i].contains(&self.inputs[i])) {
+            return bad("map.inputs", self.inputs.len() as f64, "must name each input once");
         }
         let beyond = |components: &Vec<usize>| components.iter().find(|i| **i >= actions).copied();
         if let Some(i) = self.remembered.as_ref().and_then(beyond) {
-            return bad(
-                "map.remembered",
-                i as f64,
-                "must be a component of the action",
-            );
+            return bad("map.remembered", i as f64, "must be a component of the action");
         }
         if self.starts == 0 {
             return bad("map.starts", 0.0, "must be at least 1");
         }
         if let Some(scales) = &self.min_length_scales {
             if scales.len() != dims {
-                return bad(
-                    "map.min_length_scales",
-                    scales.len() as f64,
-                    "needs one entry per input dimension",
-                );
+                return bad("map.min_length_scales", scales.len() as f64, "needs one entry per input dimension");
             }
             if let Some(&scale) = scales.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
                 return bad("map.min_length_scales", scale, "must be positive");
@@ -144,39 +120,21 @@ impl MapConfig {
         }
         if let Some(stds) = &self.min_noise_std {
             if stds.len() != states {
-                return bad(
-                    "map.min_noise_std",
-                    stds.len() as f64,
-                    "needs one entry per component of the state",
-                );
+                return bad("map.min_noise_std", stds.len() as f64, "needs one entry per component of the state");
             }
             if let Some(&std) = stds.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
                 return bad("map.min_noise_std", std, "must be positive");
             }
         }
-        for (name, ranges) in [
-            ("map.state_range", &self.state_range),
-            ("map.start_range", &self.start_range),
-        ] {
+        for (name, ranges) in [("map.state_range", &self.state_range), ("map.start_range", &self.start_range)] {
             if ranges.len() != states {
-                return bad(
-                    name,
-                    ranges.len() as f64,
-                    "needs one [lowest, highest] per component of the state",
-                );
+                return bad(name, ranges.len() as f64, "needs one [lowest, highest] per component of the state");
             }
-            if let Some([low, _]) = ranges
-                .iter()
-                .find(|[low, high]| low.is_nan() || high.is_nan() || low > high)
-            {
+            if let Some([low, _]) = ranges.iter().find(|[low, high]| low.is_nan() || high.is_nan() || low > high) {
                 return bad(name, *low, "must begin below its end");
             }
         }
-        if let Some([low, _]) = self
-            .start_range
-            .iter()
-            .find(|[l, h]| !(l.is_finite() && h.is_finite()))
-        {
+        if let Some([low, _]) = self.start_range.iter().find(|[l, h]| !(l.is_finite() && h.is_finite())) {
             return bad("map.start_range", *low, "must be finite");
         }
         Ok(())
@@ -194,13 +152,7 @@ impl MapConfig {
     }
 
     /// What the map sees, in the order of its input dimensions: of values, or of their names.
-    pub(crate) fn input_row<T: Clone>(
-        &self,
-        state: &[T],
-        action: &[T],
-        last_action: &[T],
-        row: &mut Vec<T>,
-    ) {
+    pub(crate) fn input_row<T: Clone>(&self, state: &[T], action: &[T], last_action: &[T], row: &mut Vec<T>) {
         for input in &self.inputs {
             match input {
                 MapInput::State if self.invariant.is_empty() => row.extend_from_slice(state),
@@ -229,41 +181,24 @@ impl MapConfig {
     /// What the Gaussian process of a component is fitted to: its next value, or the change of an
     /// invariant one.
     pub(crate) fn target(&self, component: usize, state: &[f64], next: f64) -> f64 {
-        if self.is_invariant(component) {
-            -(next + state[component])
-        } else {
-            next
-        }
+        if self.is_invariant(component) { -(next + state[component]) } else { next }
     }
 
     /// The next value of a component from what its Gaussian process says: the inverse of
     /// [`Self::target`].
     pub(crate) fn next(&self, component: usize, state: &[f64], target: f64) -> f64 {
-        if self.is_invariant(component) {
-            -(target + state[component])
-        } else {
-            target
-        }
+        if self.is_invariant(component) { -(target + state[component]) } else { target }
     }
 
     /// Search options for one output. The upper bounds, and lower ones not given, follow the spread of
     /// the data.
-    pub(crate) fn fit_options(
-        &self,
-        inputs: &[f64],
-        y: &[f64],
-        noise_std: Option<f64>,
-    ) -> FitOptions {
+    pub(crate) fn fit_options(&self, inputs: &[f64], y: &[f64], noise_std: Option<f64>) -> FitOptions {
         let spread = |values: &mut dyn Iterator<Item = f64>| {
             let values: Vec<f64> = values.collect();
             let n = values.len() as f64;
             let mean = values.iter().sum::<f64>() / n;
             let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
-            if stridemap_gp::spread(&values) > 0.0 {
-                variance.sqrt()
-            } else {
-                1.0
-            }
+            if stridemap_gp::spread(&values) > 0.0 { variance.sqrt() } else { 1.0 }
         };
         let length_scales = self.min_length_scales.as_ref().map(|lower| {
             let dims = lower.len();
@@ -282,11 +217,7 @@ impl MapConfig {
             kernel: self.kernel,
             mean: self.mean,
             starts: self.starts,
-            bounds: Bounds {
-                length_scales,
-                signal_variance: None,
-                noise_variance,
-            },
+            bounds: Bounds { length_scales, signal_variance: None, noise_variance },
             ..FitOptions::default()
         }
     }

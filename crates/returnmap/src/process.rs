@@ -162,20 +162,10 @@ pub trait StrideProcess {
 /// [`ProcessError::ActionLength`] or [`ProcessError::ActionNotFinite`].
 pub fn clipped_action(spec: &ProcessSpec, action: &[f64]) -> Result<Action, ProcessError> {
     if action.len() != spec.action.len() {
-        return Err(ProcessError::ActionLength {
-            expected: spec.action.len(),
-            found: action.len(),
-        });
+        return Err(ProcessError::ActionLength { expected: spec.action.len(), found: action.len() });
     }
     if let Some(component) = action.iter().position(|a| !a.is_finite()) {
-        return Err(ProcessError::ActionNotFinite {
-            component,
-            value: action[component],
-        });
+        return Err(ProcessError::ActionNotFinite { component, value: action[component] });
     }
-    Ok(action
-        .iter()
-        .zip(&spec.action)
-        .map(|(a, d)| a.clamp(d.lower, d.upper))
-        .collect())
+    Ok(action.iter().zip(&spec.action).map(|(a, d)| a.clamp(d.lower, d.upper)).collect())
 }

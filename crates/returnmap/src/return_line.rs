@@ -46,19 +46,12 @@ impl ReturnLine {
     pub fn fit(pairs: &[(f64, f64)]) -> Result<Self, AnalysisError> {
         const NEEDED: usize = 3;
         if pairs.len() < NEEDED {
-            return Err(AnalysisError::TooFewPairs {
-                found: pairs.len(),
-                needed: NEEDED,
-            });
+            return Err(AnalysisError::TooFewPairs { found: pairs.len(), needed: NEEDED });
         }
         for (index, &(x, y)) in pairs.iter().enumerate() {
             for value in [x, y] {
                 if !value.is_finite() {
-                    return Err(AnalysisError::NotFinite {
-                        quantity: "pairs",
-                        index,
-                        value,
-                    });
+                    return Err(AnalysisError::NotFinite { quantity: "pairs", index, value });
                 }
             }
         }
@@ -74,10 +67,7 @@ impl ReturnLine {
         }
         let slope = s_xy / s_xx;
         let intercept = mean_y - slope * mean_x;
-        let squares: f64 = pairs
-            .iter()
-            .map(|p| (p.1 - intercept - slope * p.0).powi(2))
-            .sum();
+        let squares: f64 = pairs.iter().map(|p| (p.1 - intercept - slope * p.0).powi(2)).sum();
         let variance = squares / (n - 2.0);
         Ok(Self {
             slope,
@@ -96,11 +86,7 @@ impl ReturnLine {
     ///
     /// As [`fit`](Self::fit).
     pub fn fit_sequence(states: &[f64], lag: usize) -> Result<Self, AnalysisError> {
-        let pairs: Vec<_> = states
-            .iter()
-            .copied()
-            .zip(states.iter().skip(lag).copied())
-            .collect();
+        let pairs: Vec<_> = states.iter().copied().zip(states.iter().skip(lag).copied()).collect();
         Self::fit(&pairs)
     }
 
@@ -125,9 +111,8 @@ impl ReturnLine {
     pub fn fixed_point_std_error(&self) -> Result<f64, AnalysisError> {
         let x = self.fixed_point()?;
         // d x = (d intercept + x d slope) / (1 − slope)
-        let variance = self.intercept_std_error.powi(2)
-            + x * x * self.slope_std_error.powi(2)
-            + 2.0 * x * self.covariance;
+        let variance =
+            self.intercept_std_error.powi(2) + x * x * self.slope_std_error.powi(2) + 2.0 * x * self.covariance;
         Ok(variance.max(0.0).sqrt() / (1.0 - self.slope).abs())
     }
 }
@@ -141,15 +126,9 @@ mod tests {
     fn data_that_determine_no_line_are_refused() {
         assert!(matches!(
             ReturnLine::fit(&[(0.0, 0.0), (1.0, 1.0)]),
-            Err(AnalysisError::TooFewPairs {
-                found: 2,
-                needed: 3
-            })
+            Err(AnalysisError::TooFewPairs { found: 2, needed: 3 })
         ));
-        assert!(matches!(
-            ReturnLine::fit(&[(2.0, 0.0), (2.0, 1.0), (2.0, 3.0)]),
-            Err(AnalysisError::NoSpread { .. })
-        ));
+        assert!(matches!(ReturnLine::fit(&[(2.0, 0.0), (2.0, 1.0), (2.0, 3.0)]), Err(AnalysisError::NoSpread { .. })));
         assert!(matches!(
             ReturnLine::fit(&[(2.0, 0.0), (1.0, f64::NAN), (2.0, 3.0)]),
             Err(AnalysisError::NotFinite { index: 1, .. })
@@ -184,10 +163,7 @@ mod tests {
             let std = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
             assert!((mean - truth).abs() < 4.0 * std / n.sqrt() + 2e-3, "{mean}");
             // A standard deviation from 4000 samples is known to about 1.1 %: four of these.
-            assert!(
-                (std / std_error - 1.0).abs() < 0.045,
-                "{std} against {std_error}"
-            );
+            assert!((std / std_error - 1.0).abs() < 0.045, "{std} against {std_error}");
         }
     }
 

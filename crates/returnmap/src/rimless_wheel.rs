@@ -5,8 +5,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension,
-    Stride, StrideEnd, StrideProcess, clipped_action,
+    ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
+    StrideProcess, clipped_action,
 };
 
 /// Parameters of a [`RimlessWheel`].
@@ -102,36 +102,11 @@ impl RimlessWheel {
                 p.half_angle_rad > 0.0 && p.half_angle_rad < FRAC_PI_4,
                 "must be above 0 and below π/4",
             ),
-            (
-                "slope_rad",
-                p.slope_rad,
-                p.slope_rad.abs() < FRAC_PI_4,
-                "must be within ±π/4",
-            ),
-            (
-                "slope_std_rad",
-                p.slope_std_rad,
-                p.slope_std_rad >= 0.0,
-                not_negative,
-            ),
-            (
-                "inertia_ratio",
-                p.inertia_ratio,
-                p.inertia_ratio >= 0.0,
-                not_negative,
-            ),
-            (
-                "gravity_m_s2",
-                p.gravity_m_s2,
-                p.gravity_m_s2 > 0.0,
-                "must be positive",
-            ),
-            (
-                "max_push_off_j_kg",
-                p.max_push_off_j_kg,
-                p.max_push_off_j_kg >= 0.0,
-                not_negative,
-            ),
+            ("slope_rad", p.slope_rad, p.slope_rad.abs() < FRAC_PI_4, "must be within ±π/4"),
+            ("slope_std_rad", p.slope_std_rad, p.slope_std_rad >= 0.0, not_negative),
+            ("inertia_ratio", p.inertia_ratio, p.inertia_ratio >= 0.0, not_negative),
+            ("gravity_m_s2", p.gravity_m_s2, p.gravity_m_s2 > 0.0, "must be positive"),
+            ("max_push_off_j_kg", p.max_push_off_j_kg, p.max_push_off_j_kg >= 0.0, not_negative),
             ("target_rad_s", p.target_rad_s, true, "must be finite"),
             ("initial_rad_s", p.initial_rad_s[0], true, "must be finite"),
             (
@@ -142,28 +117,14 @@ impl RimlessWheel {
             ),
         ] {
             if !(value.is_finite() && holds) {
-                return Err(ProcessError::Parameter {
-                    name,
-                    value,
-                    requirement,
-                });
+                return Err(ProcessError::Parameter { name, value, requirement });
             }
         }
         let spec = ProcessSpec {
-            state: vec![StateDimension {
-                name: "speed_rad_s".into(),
-            }],
-            action: vec![ActionDimension {
-                name: "push_off_j_kg".into(),
-                lower: 0.0,
-                upper: p.max_push_off_j_kg,
-            }],
+            state: vec![StateDimension { name: "speed_rad_s".into() }],
+            action: vec![ActionDimension { name: "push_off_j_kg".into(), lower: 0.0, upper: p.max_push_off_j_kg }],
         };
-        Ok(Self {
-            parameters,
-            spec,
-            speed_rad_s: None,
-        })
+        Ok(Self { parameters, spec, speed_rad_s: None })
     }
 
     /// The share of the speed that is left after a strike, η.
@@ -179,9 +140,7 @@ impl RimlessWheel {
         let eta = self.strike_ratio();
         let energy = self.energy_rad2_s2(self.parameters.slope_rad, push_off_j_kg);
         let speed = eta * (energy / (1.0 - eta * eta)).sqrt();
-        self.step(speed, self.parameters.slope_rad, push_off_j_kg)
-            .is_ok()
-            .then_some(speed)
+        self.step(speed, self.parameters.slope_rad, push_off_j_kg).is_ok().then_some(speed)
     }
 
     /// Gain of Ω² over a swing: the energy term c.
@@ -218,11 +177,7 @@ impl MeanMap for RimlessWheel {
     fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, AnalysisError> {
         let &[speed] = state else {
             let found = state.len();
-            return Err(AnalysisError::Length {
-                quantity: "state",
-                expected: 1,
-                found,
-            });
+            return Err(AnalysisError::Length { quantity: "state", expected: 1, found });
         };
         let action = clipped_action(&self.spec, action)?;
         match self.step(speed, self.parameters.slope_rad, action[0]) {
@@ -255,19 +210,9 @@ impl StrideProcess for RimlessWheel {
                 self.speed_rad_s = Some(next);
                 let reward = -(next - self.parameters.target_rad_s).powi(2);
                 let next_state = State::from_slice(&[next]);
-                Stride {
-                    action,
-                    next_state,
-                    reward,
-                    end: StrideEnd::Crossing,
-                }
+                Stride { action, next_state, reward, end: StrideEnd::Crossing }
             }
-            Err(end) => Stride {
-                action,
-                next_state: State::from_slice(&[speed]),
-                reward: -1.0,
-                end,
-            },
+            Err(end) => Stride { action, next_state: State::from_slice(&[speed]), reward: -1.0, end },
         })
     }
 }
@@ -287,11 +232,7 @@ mod tests {
     /// Newton's fixed point and multiplier are the closed forms, with inertia and push-off.
     #[test]
     fn fixed_point_and_multiplier_are_the_known_ones() {
-        for (alpha, slope, inertia, push) in [
-            (0.3, 0.08, 0.0, 0.0),
-            (0.25, 0.05, 0.4, 0.0),
-            (0.3, 0.0, 0.1, 0.9),
-        ] {
+        for (alpha, slope, inertia, push) in [(0.3, 0.08, 0.0, 0.0), (0.25, 0.05, 0.4, 0.0), (0.3, 0.0, 0.1, 0.9)] {
             let wheel = wheel(|p| {
                 (p.half_angle_rad, p.slope_rad, p.inertia_ratio) = (alpha, slope, inertia);
             });
@@ -330,10 +271,7 @@ mod tests {
             let once = wheel.mean_next_state(&[x], &[0.0]).unwrap();
             wheel.mean_next_state(&once, &[0.0]).unwrap()[0]
         };
-        let pairs: Vec<_> = (-5..=5)
-            .map(|i| exact + 1e-4 * f64::from(i))
-            .map(|x| (x, twice(x)))
-            .collect();
+        let pairs: Vec<_> = (-5..=5).map(|i| exact + 1e-4 * f64::from(i)).map(|x| (x, twice(x))).collect();
         let line = ReturnLine::fit(&pairs).unwrap();
         assert!((line.slope - 0.25).abs() < 1e-4);
         assert!((line.fixed_point().unwrap() - exact).abs() < 1e-7);
@@ -348,21 +286,10 @@ mod tests {
         };
         assert_eq!(no_return(0.3), StrideEnd::NoCrossing);
         assert_eq!(no_return(4.0), StrideEnd::Fell);
-        let flat = RimlessWheel::new(RimlessWheelParameters {
-            slope_rad: 0.0,
-            ..Default::default()
-        });
+        let flat = RimlessWheel::new(RimlessWheelParameters { slope_rad: 0.0, ..Default::default() });
         assert!(flat.unwrap().fixed_point_rad_s(0.0).is_none());
-        let bad = RimlessWheelParameters {
-            half_angle_rad: f64::NAN,
-            ..Default::default()
-        };
-        assert!(
-            RimlessWheel::new(bad)
-                .unwrap_err()
-                .to_string()
-                .starts_with("half_angle_rad")
-        );
+        let bad = RimlessWheelParameters { half_angle_rad: f64::NAN, ..Default::default() };
+        assert!(RimlessWheel::new(bad).unwrap_err().to_string().starts_with("half_angle_rad"));
     }
 
     #[test]
@@ -376,9 +303,6 @@ mod tests {
         });
         let (strides, reward) = walk.unwrap();
         assert!(strides > 3 && (reward + 1.0).abs() < 1e-15);
-        assert!(matches!(
-            wheel.stride(&[0.0], &mut rng),
-            Err(ProcessError::NotReset)
-        ));
+        assert!(matches!(wheel.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
     }
 }

@@ -80,12 +80,7 @@ impl SavedOutput {
                 })
                 .collect(),
             leave_one_out: SavedLeaveOneOut {
-                mean: gp
-                    .targets()
-                    .iter()
-                    .zip(&scores.residuals)
-                    .map(|(y, r)| y - r)
-                    .collect(),
+                mean: gp.targets().iter().zip(&scores.residuals).map(|(y, r)| y - r).collect(),
                 std: scores.variances.iter().map(|v| v.sqrt()).collect(),
                 actual: gp.targets().to_vec(),
             },

@@ -63,11 +63,7 @@ pub fn linearize(
     let next_state = map.mean_next_state(state, action)?;
     let by_state = differences(state, state_steps, &mut |x| map.mean_next_state(x, action))?;
     let by_action = differences(action, action_steps, &mut |u| map.mean_next_state(state, u))?;
-    Ok(Linearization {
-        next_state,
-        state: by_state,
-        action: by_action,
-    })
+    Ok(Linearization { next_state, state: by_state, action: by_action })
 }
 
 /// The fixed point of a mean map under a policy, by Newton's method with central differences.
@@ -118,34 +114,21 @@ pub fn fixed_point(
         let next = closed_loop(&x)?;
         check_length("next state", next.len(), n)?;
         check_finite("next state", &next)?;
-        residual = (0..n)
-            .map(|i| ((next[i] - x[i]) / steps[i]).abs())
-            .fold(0.0, f64::max);
+        residual = (0..n).map(|i| ((next[i] - x[i]) / steps[i]).abs()).fold(0.0, f64::max);
         let jacobian = differences(&x, steps, &mut closed_loop)?;
         if residual < TOLERANCE_STEPS {
             let mut multipliers: Vec<_> = jacobian.complex_eigenvalues().iter().copied().collect();
             multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
-            return Ok(FixedPoint {
-                state: x,
-                jacobian,
-                multipliers,
-                iterations,
-            });
+            return Ok(FixedPoint { state: x, jacobian, multipliers, iterations });
         }
         let gap = DVector::from_iterator(n, (0..n).map(|i| next[i] - x[i]));
-        let newton = (DMatrix::identity(n, n) - &jacobian)
-            .lu()
-            .solve(&gap)
-            .ok_or(AnalysisError::NotIsolated)?;
+        let newton = (DMatrix::identity(n, n) - &jacobian).lu().solve(&gap).ok_or(AnalysisError::NotIsolated)?;
         for (xi, d) in x.iter_mut().zip(newton.iter()) {
             *xi += d;
         }
         check_finite("Newton step", &x)?;
     }
-    Err(AnalysisError::NoFixedPoint {
-        iterations: MOST_ITERATIONS,
-        residual,
-    })
+    Err(AnalysisError::NoFixedPoint { iterations: MOST_ITERATIONS, residual })
 }
 
 /// Central differences of a function, one column per argument.
@@ -158,11 +141,7 @@ fn differences(
     let mut rows = 0;
     for (j, &h) in steps.iter().enumerate() {
         if !(h > 0.0 && h.is_finite()) {
-            return Err(AnalysisError::NotFinite {
-                quantity: "steps",
-                index: j,
-                value: h,
-            });
+            return Err(AnalysisError::NotFinite { quantity: "steps", index: j, value: h });
         }
         let mut moved = State::from_slice(at);
         moved[j] = at[j] + h;
@@ -178,29 +157,13 @@ fn differences(
     Ok(DMatrix::from_vec(rows, at.len(), columns))
 }
 
-fn check_length(
-    quantity: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), AnalysisError> {
-    if found == expected {
-        Ok(())
-    } else {
-        Err(AnalysisError::Length {
-            quantity,
-            expected,
-            found,
-        })
-    }
+fn check_length(quantity: &'static str, found: usize, expected: usize) -> Result<(), AnalysisError> {
+    if found == expected { Ok(()) } else { Err(AnalysisError::Length { quantity, expected, found }) }
 }
 
 fn check_finite(quantity: &'static str, values: &[f64]) -> Result<(), AnalysisError> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(index) => Err(AnalysisError::NotFinite {
-            quantity,
-            index,
-            value: values[index],
-        }),
+        Some(index) => Err(AnalysisError::NotFinite { quantity, index, value: values[index] }),
     }
 }

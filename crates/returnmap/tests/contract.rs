@@ -5,40 +5,27 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_returnmap::{
-    CompassGait, CompassGaitParameters, LinearGaussianMap, LinearGaussianParameters, MeanMap,
-    ProcessError, RimlessWheel, RimlessWheelParameters, Stride, StrideEnd, StrideProcess,
+    CompassGait, CompassGaitParameters, LinearGaussianMap, LinearGaussianParameters, MeanMap, ProcessError,
+    RimlessWheel, RimlessWheelParameters, Stride, StrideEnd, StrideProcess,
 };
 
 fn linear() -> LinearGaussianMap {
-    let parameters = LinearGaussianParameters {
-        fall_beyond: Some(1.2),
-        ..LinearGaussianParameters::stepping()
-    };
+    let parameters = LinearGaussianParameters { fall_beyond: Some(1.2), ..LinearGaussianParameters::stepping() };
     LinearGaussianMap::new(parameters).unwrap()
 }
 
 fn wheel() -> RimlessWheel {
-    let rough = RimlessWheelParameters {
-        slope_std_rad: 0.04,
-        ..Default::default()
-    };
+    let rough = RimlessWheelParameters { slope_std_rad: 0.04, ..Default::default() };
     RimlessWheel::new(rough).unwrap()
 }
 
 fn compass() -> CompassGait {
-    let shaken = CompassGaitParameters {
-        initial_std: 0.02,
-        ..Default::default()
-    };
+    let shaken = CompassGaitParameters { initial_std: 0.02, ..Default::default() };
     CompassGait::new(shaken).unwrap()
 }
 
 fn processes() -> Vec<(&'static str, Box<dyn StrideProcess>)> {
-    vec![
-        ("linear", Box::new(linear())),
-        ("rimless wheel", Box::new(wheel())),
-        ("compass gait", Box::new(compass())),
-    ]
+    vec![("linear", Box::new(linear())), ("rimless wheel", Box::new(wheel())), ("compass gait", Box::new(compass()))]
 }
 
 /// Strides under changing actions, restarted when they end.
@@ -75,13 +62,7 @@ fn the_same_seed_gives_the_same_strides_and_another_does_not() {
 fn actions_are_checked_and_clipped() {
     for (name, mut process) in processes() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        assert!(
-            matches!(
-                process.stride(&[0.0], &mut rng),
-                Err(ProcessError::NotReset)
-            ),
-            "{name}"
-        );
+        assert!(matches!(process.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)), "{name}");
         process.reset(&mut rng).unwrap();
         for bad in [&[f64::NAN][..], &[f64::INFINITY], &[], &[0.0, 0.0]] {
             assert!(process.stride(bad, &mut rng).is_err(), "{name}: {bad:?}");
@@ -96,10 +77,7 @@ fn actions_are_checked_and_clipped() {
 /// Without noise a stride is the mean map.
 #[test]
 fn strides_without_noise_follow_the_mean_map() {
-    let linear = LinearGaussianParameters {
-        noise_std: vec![0.0],
-        ..LinearGaussianParameters::stepping()
-    };
+    let linear = LinearGaussianParameters { noise_std: vec![0.0], ..LinearGaussianParameters::stepping() };
     let mut linear = LinearGaussianMap::new(linear).unwrap();
     let mut wheel = RimlessWheel::new(RimlessWheelParameters::default()).unwrap();
     let mut compass = compass();

@@ -6,9 +6,8 @@ use rand_chacha::rand_core::SeedableRng;
 use smallvec::smallvec;
 use stridemap_gp::{Kernel, Mean};
 use stridemap_returnmap::{
-    ActionDimension, ActionLimits, LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapPoint,
-    MapSample, MapStart, MapWorld, ProcessError, ProcessSpec, StateDimension, StrideEnd,
-    StrideProcess,
+    ActionDimension, ActionLimits, LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapPoint, MapSample, MapStart,
+    MapWorld, ProcessError, ProcessSpec, StateDimension, StrideEnd, StrideProcess,
 };
 
 /// Slopes of the first component on itself and on the action, and of the turn likewise.
@@ -59,27 +58,11 @@ fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, ProcessE
     };
     let world = MapWorld {
         spec: ProcessSpec {
-            state: ["x", "heading_deg"]
-                .map(|name| StateDimension { name: name.into() })
-                .into(),
-            action: vec![ActionDimension {
-                name: "u".into(),
-                lower: -2.0,
-                upper: 2.0,
-            }],
+            state: ["x", "heading_deg"].map(|name| StateDimension { name: name.into() }).into(),
+            action: vec![ActionDimension { name: "u".into(), lower: -2.0, upper: 2.0 }],
         },
-        limits: vec![ActionLimits {
-            lower: -2.0,
-            upper: 2.0,
-            rate_per_stride: f64::INFINITY,
-            gain: 1.0,
-            neutral: 0.0,
-        }],
-        failure: MapFailure {
-            component: None,
-            below: 0.0,
-            reward: -1.0,
-        },
+        limits: vec![ActionLimits { lower: -2.0, upper: 2.0, rate_per_stride: f64::INFINITY, gain: 1.0, neutral: 0.0 }],
+        failure: MapFailure { component: None, below: 0.0, reward: -1.0 },
         reward: Some(std::sync::Arc::new(|_: &[f64]| 0.0)),
     };
     LearnedMap::fit(config, world, &samples, &mut rng)
@@ -101,10 +84,7 @@ fn a_heading_is_carried_not_learned() {
 /// Zeros of either sign are one value, and what never changes is told by its name, not by its number.
 #[test]
 fn an_input_that_never_changes_is_named() {
-    let saved = map_of(0.0, Mean::Constant, 0.0)
-        .unwrap()
-        .to_saved(1)
-        .unwrap();
+    let saved = map_of(0.0, Mean::Constant, 0.0).unwrap().to_saved(1).unwrap();
     for output in &saved.outputs[..2] {
         let warnings = &output.warnings;
         assert!(warnings.contains(&"u never changes".into()), "{warnings:?}");
@@ -126,11 +106,7 @@ fn strides_carry_the_heading() {
 /// where it has data, and not sure of the slopes of a map that has seen the action do nothing.
 #[test]
 fn slopes_are_those_of_the_law_and_come_with_their_covariance() {
-    let at = |x: f64, h: f64, u: f64| MapPoint {
-        state: smallvec![x, h],
-        action: vec![u],
-        last_action: vec![0.0],
-    };
+    let at = |x: f64, h: f64, u: f64| MapPoint { state: smallvec![x, h], action: vec![u], last_action: vec![0.0] };
     let half = 0.1;
     let moves = [
         (at(half, 0.0, 0.0), at(-half, 0.0, 0.0), half),

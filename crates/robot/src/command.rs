@@ -25,10 +25,7 @@ impl JointCommand {
     /// A desired angle, held by the robot's own servo.
     #[must_use]
     pub fn position(position_rad: f64) -> Self {
-        Self {
-            position_rad,
-            ..Self::default()
-        }
+        Self { position_rad, ..Self::default() }
     }
 
     /// The first thing asked for beyond an angle, which not every robot can do; `None` if there is none.
@@ -57,9 +54,7 @@ impl JointTargets {
     /// Angles, held by the robot's own servos.
     pub fn positions(angles_rad: impl IntoIterator<Item = f64>) -> Self {
         let joints = angles_rad.into_iter().map(JointCommand::position);
-        Self {
-            joints: joints.collect(),
-        }
+        Self { joints: joints.collect() }
     }
 
     /// Refuses targets that are not one per joint, not finite, or with gains below zero, naming the first at fault.
@@ -103,11 +98,7 @@ impl JointTargets {
                 if let Some(value) = value
                     && !(value.is_finite() && value >= least)
                 {
-                    return Err(RobotError::BadCommand {
-                        joint: name.to_owned(),
-                        what,
-                        value,
-                    });
+                    return Err(RobotError::BadCommand { joint: name.to_owned(), what, value });
                 }
             }
         }

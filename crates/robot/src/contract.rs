@@ -40,10 +40,7 @@ pub enum Start {
 /// # Errors
 ///
 /// The first [`Breach`].
-pub fn check<R: Robot>(
-    mut make: impl FnMut() -> Result<R, RobotError>,
-    start: Start,
-) -> Result<(), Breach> {
+pub fn check<R: Robot>(mut make: impl FnMut() -> Result<R, RobotError>, start: Start) -> Result<(), Breach> {
     let mut robot = made(&mut make)?;
     let posture = &robot.description().rest();
     clock(&mut robot, posture)?;
@@ -56,10 +53,7 @@ pub fn check<R: Robot>(
 }
 
 fn breach(rule: &'static str, found: impl Into<String>) -> Breach {
-    Breach {
-        rule,
-        found: found.into(),
-    }
+    Breach { rule, found: found.into() }
 }
 
 fn made<R: Robot>(make: &mut impl FnMut() -> Result<R, RobotError>) -> Result<R, Breach> {
@@ -90,9 +84,7 @@ fn clock<R: Robot>(robot: &mut R, posture: &JointTargets) -> Result<(), Breach> 
     }
     let mut before_s = 0.0;
     for period in 0..10 {
-        let state = robot
-            .step(&movement(posture, period))
-            .map_err(|e| breach(rule, e.to_string()))?;
+        let state = robot.step(&movement(posture, period)).map_err(|e| breach(rule, e.to_string()))?;
         if (state.time_s - before_s - period_s).abs() > CLOCK_ERROR_S {
             let found = format!("it went from {before_s} s to {} s", state.time_s);
             return Err(breach(rule, found));
@@ -130,20 +122,14 @@ fn refusal<R: Robot>(robot: &mut R, posture: &JointTargets) -> Result<(), Breach
         }
     }
     for (at, bad) in bad.iter().enumerate() {
-        let answers = [
-            robot.step(bad).err(),
-            robot.reset(bad, &mut ChaCha8Rng::seed_from_u64(1)).err(),
-        ];
+        let answers = [robot.step(bad).err(), robot.reset(bad, &mut ChaCha8Rng::seed_from_u64(1)).err()];
         for answer in answers {
             match answer {
                 Some(RobotError::CommandLength { .. }) if at < 2 => {}
                 Some(RobotError::BadCommand { joint, .. }) if at >= 2 && joint == last => {}
                 other => {
                     let asked = bad.joints.last();
-                    return Err(breach(
-                        rule,
-                        format!("its answer to {asked:?} was {other:?}"),
-                    ));
+                    return Err(breach(rule, format!("its answer to {asked:?} was {other:?}")));
                 }
             }
         }
@@ -183,9 +169,7 @@ fn beyond_position<R: Robot>(robot: &mut R, posture: &JointTargets) -> Result<()
             let answer = robot.step(&targets).map(|s| s.joints[at].torque_nm);
             let good = match &answer {
                 Ok(nm) => taken.is_some() || (nm - torque_nm).abs() < 1e-9,
-                Err(RobotError::JointCannot { joint: named, .. }) => {
-                    *named == joint.name && *robot.state() == before
-                }
+                Err(RobotError::JointCannot { joint: named, .. }) => *named == joint.name && *robot.state() == before,
                 Err(_) => false,
             };
             if !good || *taken.get_or_insert(answer.is_ok()) != answer.is_ok() {
@@ -212,10 +196,7 @@ fn replay<R: Robot>(one: &mut R, two: &mut R, posture: &JointTargets) -> Result<
             stepped.map_err(|e| breach(rule, e.to_string()))
         };
         if step(one)? != step(two)? {
-            return Err(breach(
-                rule,
-                format!("they differ after {} periods", period + 1),
-            ));
+            return Err(breach(rule, format!("they differ after {} periods", period + 1)));
         }
     }
     Ok(())
@@ -225,14 +206,12 @@ fn replay<R: Robot>(one: &mut R, two: &mut R, posture: &JointTargets) -> Result<
 fn starts<R: Robot>(robot: &mut R, posture: &JointTargets, start: Start) -> Result<(), Breach> {
     let equal = reset(robot, posture, 1)? == reset(robot, posture, 2)?;
     match (start, equal) {
-        (Start::Disturbed, true) => Err(breach(
-            "start differently for different seeds where its start is disturbed",
-            "two resets are equal",
-        )),
-        (Start::Exact, false) => Err(breach(
-            "start alike for different seeds where its start is not disturbed",
-            "two resets differ",
-        )),
+        (Start::Disturbed, true) => {
+            Err(breach("start differently for different seeds where its start is disturbed", "two resets are equal"))
+        }
+        (Start::Exact, false) => {
+            Err(breach("start alike for different seeds where its start is not disturbed", "two resets differ"))
+        }
         _ => Ok(()),
     }
 }
@@ -246,14 +225,9 @@ fn drawing<R: Robot>(robot: &R) -> Result<(), Breach> {
     for shape in robot.geometry() {
         let sizes = match shape.kind {
             ShapeKind::Sphere { radius_m } => [radius_m, 1.0, 1.0],
-            ShapeKind::Capsule {
-                radius_m,
-                half_length_m,
+            ShapeKind::Capsule { radius_m, half_length_m } | ShapeKind::Cylinder { radius_m, half_length_m } => {
+                [radius_m, half_length_m, 1.0]
             }
-            | ShapeKind::Cylinder {
-                radius_m,
-                half_length_m,
-            } => [radius_m, half_length_m, 1.0],
             ShapeKind::Ellipsoid { semi_axes_m } => semi_axes_m,
             ShapeKind::Box { half_extents_m } => half_extents_m,
         };

@@ -25,9 +25,7 @@ pub enum RobotError {
         value: f64,
     },
     /// A joint cannot do what it was asked; nothing was sent.
-    #[error(
-        "the joint {joint} takes no {what} of the controller's: its servo takes angles (nothing was sent)"
-    )]
+    #[error("the joint {joint} takes no {what} of the controller's: its servo takes angles (nothing was sent)")]
     JointCannot {
         /// The robot's name of the joint.
         joint: String,

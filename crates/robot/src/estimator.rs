@@ -69,11 +69,7 @@ impl Attitude {
             }
             _ => frame.orientation,
         };
-        Self {
-            time_s,
-            orientation,
-            rate_rad_s,
-        }
+        Self { time_s, orientation, rate_rad_s }
     }
 }
 
@@ -83,15 +79,9 @@ impl Estimator {
     /// # Errors
     ///
     /// [`RobotError::Kinematics`] if model and posture have different numbers of joints.
-    pub fn new(
-        model: KinematicModel,
-        legs: Legs<Option<LegRole>>,
-        rest_rad: Vec<f64>,
-    ) -> Result<Self, RobotError> {
+    pub fn new(model: KinematicModel, legs: Legs<Option<LegRole>>, rest_rad: Vec<f64>) -> Result<Self, RobotError> {
         if model.joints() != rest_rad.len() {
-            return Err(RobotError::Kinematics {
-                what: "another number of joints than the rest posture",
-            });
+            return Err(RobotError::Kinematics { what: "another number of joints than the rest posture" });
         }
         Ok(Self {
             model,
@@ -131,20 +121,13 @@ impl Estimator {
     /// reading is not one per joint; the estimate is then unchanged.
     pub fn update(&mut self, frame: &SensorFrame) -> Result<&RobotState, RobotError> {
         if let Some(field) = frame.first_not_finite() {
-            return Err(RobotError::BadState {
-                time_s: frame.time_s,
-                field,
-            });
+            return Err(RobotError::BadState { time_s: frame.time_s, field });
         }
         if frame.joints.len() != self.model.joints() {
-            return Err(RobotError::CommandLength {
-                expected: self.model.joints(),
-                found: frame.joints.len(),
-            });
+            return Err(RobotError::CommandLength { expected: self.model.joints(), found: frame.joints.len() });
         }
         self.angles_rad.clear();
-        self.angles_rad
-            .extend(frame.joints.iter().map(|j| j.position_rad));
+        self.angles_rad.extend(frame.joints.iter().map(|j| j.position_rad));
         let attitude = Attitude::next(self.attitude, frame);
         self.attitude = Some(attitude);
         let placed = self.model.place(&self.angles_rad, attitude.orientation);
@@ -155,11 +138,7 @@ impl Estimator {
         let (mut side, mut at) = self.anchor.unwrap_or_else(|| {
             // The world's origin lies midway between the soles.
             let [l, r] = placed.soles_m;
-            let side = if share.is_some_and(|s| s > 0.5) {
-                Side::Right
-            } else {
-                Side::Left
-            };
+            let side = if share.is_some_and(|s| s > 0.5) { Side::Right } else { Side::Left };
             let sign = side.lateral_sign();
             (side, [0, 1].map(|k| 0.5 * sign * (l[k] - r[k])))
         });
@@ -185,10 +164,7 @@ impl Estimator {
         } else {
             [0, 1, 2].map(|k| (com_m[k] - self.state.com.position_m[k]) / dt_s)
         };
-        let feet = [0, 1].map(|i| FootState {
-            centre_m: world(placed.soles_m[i]),
-            load_n: frame.loads_n[i],
-        });
+        let feet = [0, 1].map(|i| FootState { centre_m: world(placed.soles_m[i]), load_n: frame.loads_n[i] });
         let mut joints = std::mem::take(&mut self.state.joints);
         joints.clone_from(&frame.joints);
         self.state = RobotState {
@@ -199,10 +175,7 @@ impl Estimator {
                 orientation: attitude.orientation,
                 angular_velocity_rad_s: frame.angular_velocity_rad_s,
             },
-            com: CentreOfMass {
-                position_m: com_m,
-                velocity_m_s,
-            },
+            com: CentreOfMass { position_m: com_m, velocity_m_s },
             cop_m: share.map(|s| {
                 let [l, r] = feet.map(|f: FootState| f.centre_m);
                 [0, 1].map(|k| (1.0 - s) * l[k] + s * r[k])
@@ -231,9 +204,7 @@ impl<M: Machine> EstimatedRobot<M> {
     pub fn new(machine: M, estimator: Estimator) -> Result<Self, RobotError> {
         let own = machine.description();
         if own.joint_names.len() != estimator.model.joints() {
-            return Err(RobotError::Kinematics {
-                what: "another number of joints than the robot",
-            });
+            return Err(RobotError::Kinematics { what: "another number of joints than the robot" });
         }
         let description = RobotDescription {
             name: own.name.clone(),
@@ -249,12 +220,7 @@ impl<M: Machine> EstimatedRobot<M> {
                 .collect(),
             legs: estimator.legs,
         };
-        Ok(Self {
-            machine,
-            estimator,
-            description,
-            command_rad: Vec::new(),
-        })
+        Ok(Self { machine, estimator, description, command_rad: Vec::new() })
     }
 
     /// Takes the angles of targets. A machine takes nothing else.
@@ -289,11 +255,7 @@ impl<M: Machine> Robot for EstimatedRobot<M> {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        posture: &JointTargets,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&RobotState, RobotError> {
+    fn reset(&mut self, posture: &JointTargets, rng: &mut ChaCha8Rng) -> Result<&RobotState, RobotError> {
         self.take(posture)?;
         let frame = self.machine.reset(&self.command_rad, rng)?;
         self.estimator.reset();
@@ -353,10 +315,7 @@ mod tests {
             attitude = Some(Attitude::next(attitude, &frame));
             let off = rotation_vector(attitude.unwrap().orientation)[0] - rate * time_s;
             if k > 200 {
-                assert!(
-                    off.abs().to_degrees() < 1.1 * 0.5 * dt_s / ATTITUDE_FILTER_S,
-                    "{off}"
-                );
+                assert!(off.abs().to_degrees() < 1.1 * 0.5 * dt_s / ATTITUDE_FILTER_S, "{off}");
             }
         }
     }

@@ -68,11 +68,7 @@ impl KinematicModel {
     ///
     /// [`RobotError::Kinematics`] if there is no body or no mass, a parent does not come before its
     /// child, a joint does not exist, a sole is on no body, or a number is not finite.
-    pub fn new(
-        joints: usize,
-        bodies: Vec<Body>,
-        soles: [BodyPoint; 2],
-    ) -> Result<Self, RobotError> {
+    pub fn new(joints: usize, bodies: Vec<Body>, soles: [BodyPoint; 2]) -> Result<Self, RobotError> {
         let fault = |what| Err(RobotError::Kinematics { what });
         if bodies.is_empty() {
             return fault("no bodies");
@@ -96,11 +92,7 @@ impl KinematicModel {
         if soles.iter().any(|s| s.body >= bodies.len()) {
             return fault("a sole on no body");
         }
-        Ok(Self {
-            joints,
-            bodies,
-            soles,
-        })
+        Ok(Self { joints, bodies, soles })
     }
 
     /// Joints of the machine.
@@ -184,11 +176,7 @@ fn add(a: Vec3, b: Vec3) -> Vec3 {
 
 fn normalized(q: Quat) -> Quat {
     let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-    if norm > 0.0 {
-        q.map(|v| v / norm)
-    } else {
-        [1.0, 0.0, 0.0, 0.0]
-    }
+    if norm > 0.0 { q.map(|v| v / norm) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
 /// Hamilton product.
@@ -213,11 +201,7 @@ pub fn about(axis: Vec3, angle_rad: f64) -> Quat {
 #[must_use]
 pub fn of_rotation_vector(vector_rad: Vec3) -> Quat {
     let angle = vector_rad.iter().map(|v| v * v).sum::<f64>().sqrt();
-    if angle > 0.0 {
-        about(vector_rad.map(|v| v / angle), angle)
-    } else {
-        [1.0, 0.0, 0.0, 0.0]
-    }
+    if angle > 0.0 { about(vector_rad.map(|v| v / angle), angle) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
 /// The rotation vector (axis times angle, at most π) of a unit quaternion.
@@ -225,11 +209,7 @@ pub fn of_rotation_vector(vector_rad: Vec3) -> Quat {
 pub fn rotation_vector(q: Quat) -> Vec3 {
     let [w, x, y, z] = if q[0] < 0.0 { q.map(|v| -v) } else { q };
     let sin = (x * x + y * y + z * z).sqrt();
-    let scale = if sin > 1e-12 {
-        2.0 * sin.atan2(w) / sin
-    } else {
-        2.0
-    };
+    let scale = if sin > 1e-12 { 2.0 * sin.atan2(w) / sin } else { 2.0 };
     [x, y, z].map(|v| scale * v)
 }
 
@@ -243,11 +223,7 @@ pub fn inverse([w, x, y, z]: Quat) -> Quat {
 #[must_use]
 pub fn rotate(q: Quat, v: Vec3) -> Vec3 {
     let [w, x, y, z] = q;
-    let t = [
-        2.0 * (y * v[2] - z * v[1]),
-        2.0 * (z * v[0] - x * v[2]),
-        2.0 * (x * v[1] - y * v[0]),
-    ];
+    let t = [2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])];
     [
         v[0] + w * t[0] + y * t[2] - z * t[1],
         v[1] + w * t[1] + z * t[0] - x * t[2],
@@ -269,20 +245,9 @@ mod tests {
             com_m: [0.0; 3],
             hinge: None,
         };
-        let hinge = Hinge {
-            joint: 0,
-            axis: [0.0, 0.0, 1.0],
-            anchor_m: [0.3, -0.2, 0.5],
-        };
-        let arm = Body {
-            position_m: [1.0, 2.0, 3.0],
-            hinge: Some(hinge),
-            ..base
-        };
-        let sole = BodyPoint {
-            body: 1,
-            point_m: hinge.anchor_m,
-        };
+        let hinge = Hinge { joint: 0, axis: [0.0, 0.0, 1.0], anchor_m: [0.3, -0.2, 0.5] };
+        let arm = Body { position_m: [1.0, 2.0, 3.0], hinge: Some(hinge), ..base };
+        let sole = BodyPoint { body: 1, point_m: hinge.anchor_m };
         let model = KinematicModel::new(1, vec![base, arm], [sole, sole]).unwrap();
         for angle in [0.0, 0.4, -2.0] {
             let placed = model.place(&[angle], [1.0, 0.0, 0.0, 0.0]);
@@ -318,10 +283,7 @@ mod tests {
             hinge: None,
         };
         assert!(KinematicModel::new(0, vec![massless], [sole; 2]).is_err());
-        let body = Body {
-            mass_kg: 1.0,
-            ..massless
-        };
+        let body = Body { mass_kg: 1.0, ..massless };
         let late = Body { parent: 1, ..body };
         assert!(KinematicModel::new(0, vec![body, late], [sole; 2]).is_err());
     }

@@ -130,26 +130,21 @@ pub struct Legs<T> {
 impl<T> Legs<T> {
     /// A value for each joint from a function of side and joint.
     pub fn from_fn(mut value: impl FnMut(Side, LegJoint) -> T) -> Self {
-        Self {
-            values: Side::BOTH.map(|side| LEG_JOINTS.map(|joint| value(side, joint))),
-        }
+        Self { values: Side::BOTH.map(|side| LEG_JOINTS.map(|joint| value(side, joint))) }
     }
 
     /// Every side, joint and value: the left leg from the hip down, then the right.
     pub fn iter(&self) -> impl Iterator<Item = (Side, LegJoint, &T)> {
-        Side::BOTH.into_iter().flat_map(move |side| {
-            LEG_JOINTS
-                .into_iter()
-                .map(move |joint| (side, joint, &self[(side, joint)]))
-        })
+        Side::BOTH
+            .into_iter()
+            .flat_map(move |side| LEG_JOINTS.into_iter().map(move |joint| (side, joint, &self[(side, joint)])))
     }
 }
 
 impl Legs<Option<LegRole>> {
     /// The joints that the robot has, in the order of [`iter`](Self::iter).
     pub fn roles(&self) -> impl Iterator<Item = (Side, LegJoint, LegRole)> {
-        self.iter()
-            .filter_map(|(side, joint, role)| Some((side, joint, (*role)?)))
+        self.iter().filter_map(|(side, joint, role)| Some((side, joint, (*role)?)))
     }
 }
 

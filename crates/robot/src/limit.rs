@@ -24,11 +24,7 @@ impl std::ops::AddAssign for LimitCounts {
 
 /// A value moved into a range; the middle of a range that is empty.
 fn within(value: f64, lower: f64, upper: f64) -> f64 {
-    if lower <= upper {
-        value.clamp(lower, upper)
-    } else {
-        0.5 * (lower + upper)
-    }
+    if lower <= upper { value.clamp(lower, upper) } else { 0.5 * (lower + upper) }
 }
 
 impl JointLimits {
@@ -68,13 +64,7 @@ impl JointLimits {
     /// assert_eq!((counts.rate_limited, counts.torque_limited), (0, 1));
     /// ```
     #[must_use]
-    pub fn hold(
-        &self,
-        wanted_rad: f64,
-        from_rad: f64,
-        measured: &JointState,
-        period_s: f64,
-    ) -> (f64, LimitCounts) {
+    pub fn hold(&self, wanted_rad: f64, from_rad: f64, measured: &JointState, period_s: f64) -> (f64, LimitCounts) {
         let ranged = within(wanted_rad, self.lower_rad, self.upper_rad);
         let reach = self.velocity_rad_s * period_s;
         let reached = within(ranged, from_rad - reach, from_rad + reach);
@@ -130,19 +120,10 @@ pub fn hold_to_limits(
 mod tests {
     use super::*;
 
-    const LIMITS: JointLimits = JointLimits {
-        lower_rad: -1.0,
-        upper_rad: 1.0,
-        velocity_rad_s: 5.0,
-        torque_nm: 1.0,
-    };
+    const LIMITS: JointLimits = JointLimits { lower_rad: -1.0, upper_rad: 1.0, velocity_rad_s: 5.0, torque_nm: 1.0 };
 
     fn at(position_rad: f64, torque_nm: f64) -> JointState {
-        JointState {
-            position_rad,
-            torque_nm,
-            ..JointState::default()
-        }
+        JointState { position_rad, torque_nm, ..JointState::default() }
     }
 
     #[test]

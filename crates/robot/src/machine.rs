@@ -68,11 +68,7 @@ pub trait Machine: Send {
     /// # Errors
     ///
     /// [`RobotError`] if the posture is refused or cannot be reached.
-    fn reset(
-        &mut self,
-        command_rad: &[f64],
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError>;
+    fn reset(&mut self, command_rad: &[f64], rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError>;
 
     /// The last reading.
     fn frame(&self) -> &SensorFrame;
@@ -95,9 +91,7 @@ pub trait Machine: Send {
     ///
     /// [`RobotError::Unsupported`] on a machine that cannot push itself.
     fn set_push(&mut self, _force_n: [f64; 3]) -> Result<(), RobotError> {
-        Err(RobotError::Unsupported {
-            what: "pushing the torso",
-        })
+        Err(RobotError::Unsupported { what: "pushing the torso" })
     }
 
     /// Seconds of computing spent in the physics engine; `None` for a real machine.
@@ -121,11 +115,7 @@ impl<M: Machine + ?Sized> Machine for Box<M> {
         (**self).description()
     }
 
-    fn reset(
-        &mut self,
-        command_rad: &[f64],
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError> {
+    fn reset(&mut self, command_rad: &[f64], rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError> {
         (**self).reset(command_rad, rng)
     }
 
@@ -165,17 +155,12 @@ impl<M: Machine + ?Sized> Machine for Box<M> {
 /// [`RobotError::CommandLength`] or [`RobotError::BadCommand`].
 pub fn check_command(command_rad: &[f64], joints: &[String]) -> Result<(), RobotError> {
     if command_rad.len() != joints.len() {
-        return Err(RobotError::CommandLength {
-            expected: joints.len(),
-            found: command_rad.len(),
-        });
+        return Err(RobotError::CommandLength { expected: joints.len(), found: command_rad.len() });
     }
     match command_rad.iter().position(|angle| !angle.is_finite()) {
-        Some(i) => Err(RobotError::BadCommand {
-            joint: joints[i].clone(),
-            what: "position_rad",
-            value: command_rad[i],
-        }),
+        Some(i) => {
+            Err(RobotError::BadCommand { joint: joints[i].clone(), what: "position_rad", value: command_rad[i] })
+        }
         None => Ok(()),
     }
 }
@@ -187,13 +172,7 @@ mod tests {
     #[test]
     fn bad_commands_are_refused() {
         let names = ["hip", "knee"].map(String::from);
-        assert!(matches!(
-            check_command(&[0.0; 3], &names),
-            Err(RobotError::CommandLength {
-                expected: 2,
-                found: 3
-            })
-        ));
+        assert!(matches!(check_command(&[0.0; 3], &names), Err(RobotError::CommandLength { expected: 2, found: 3 })));
         assert!(matches!(
             check_command(&[0.0, f64::NAN], &names),
             Err(RobotError::BadCommand { joint, .. }) if joint == "knee"

@@ -90,11 +90,7 @@ pub trait Robot: Send {
     /// # Errors
     ///
     /// [`RobotError`] if the posture is refused or cannot be reached.
-    fn reset(
-        &mut self,
-        posture: &JointTargets,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&RobotState, RobotError>;
+    fn reset(&mut self, posture: &JointTargets, rng: &mut ChaCha8Rng) -> Result<&RobotState, RobotError>;
 
     /// The state after the last reset or step.
     fn state(&self) -> &RobotState;
@@ -119,9 +115,7 @@ pub trait Robot: Send {
     ///
     /// [`RobotError::Unsupported`] on a robot that cannot push itself (every real one).
     fn set_push(&mut self, _force_n: [f64; 3]) -> Result<(), RobotError> {
-        Err(RobotError::Unsupported {
-            what: "pushing the torso",
-        })
+        Err(RobotError::Unsupported { what: "pushing the torso" })
     }
 
     /// Seconds of computing spent in the physics engine alone since the robot was built; `None` for

@@ -13,10 +13,7 @@ pub struct Pose {
 
 impl Default for Pose {
     fn default() -> Self {
-        Self {
-            position_m: [0.0; 3],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-        }
+        Self { position_m: [0.0; 3], orientation: [1.0, 0.0, 0.0, 0.0] }
     }
 }
 

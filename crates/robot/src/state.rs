@@ -26,11 +26,7 @@ pub struct BaseState {
 
 impl Default for BaseState {
     fn default() -> Self {
-        Self {
-            position_m: [0.0; 3],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity_rad_s: [0.0; 3],
-        }
+        Self { position_m: [0.0; 3], orientation: [1.0, 0.0, 0.0, 0.0], angular_velocity_rad_s: [0.0; 3] }
     }
 }
 
@@ -142,33 +138,15 @@ impl RobotState {
         let all = |values: &[f64]| values.iter().all(|v| v.is_finite());
         let checks: [(&'static str, bool); 6] = [
             ("time_s", self.time_s.is_finite()),
-            (
-                "joints",
-                self.joints
-                    .iter()
-                    .all(|j| all(&[j.position_rad, j.velocity_rad_s, j.torque_nm])),
-            ),
+            ("joints", self.joints.iter().all(|j| all(&[j.position_rad, j.velocity_rad_s, j.torque_nm]))),
             (
                 "base",
-                all(&self.base.position_m)
-                    && all(&self.base.orientation)
-                    && all(&self.base.angular_velocity_rad_s),
+                all(&self.base.position_m) && all(&self.base.orientation) && all(&self.base.angular_velocity_rad_s),
             ),
-            (
-                "com",
-                all(&self.com.position_m) && all(&self.com.velocity_m_s),
-            ),
-            (
-                "feet",
-                self.feet
-                    .iter()
-                    .all(|f| all(&f.centre_m) && f.load_n.is_finite()),
-            ),
+            ("com", all(&self.com.position_m) && all(&self.com.velocity_m_s)),
+            ("feet", self.feet.iter().all(|f| all(&f.centre_m) && f.load_n.is_finite())),
             ("cop_m", self.cop_m.is_none_or(|c| all(&c))),
         ];
-        checks
-            .into_iter()
-            .find(|(_, finite)| !finite)
-            .map(|(name, _)| name)
+        checks.into_iter().find(|(_, finite)| !finite).map(|(name, _)| name)
     }
 }

@@ -3,9 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::RngCore;
 use stridemap_robot::contract::{Start, check};
-use stridemap_robot::{
-    JointDescription, JointLimits, JointTargets, Robot, RobotDescription, RobotError, RobotState,
-};
+use stridemap_robot::{JointDescription, JointLimits, JointTargets, Robot, RobotDescription, RobotError, RobotState};
 
 const PERIOD_S: f64 = 0.01;
 
@@ -32,12 +30,7 @@ impl Toy {
     fn new(gains: Gains) -> Self {
         let joint = |name: &str| JointDescription {
             name: name.into(),
-            limits: JointLimits {
-                lower_rad: -1.0,
-                upper_rad: 0.5,
-                velocity_rad_s: 2.0,
-                torque_nm: 10.0,
-            },
+            limits: JointLimits { lower_rad: -1.0, upper_rad: 0.5, velocity_rad_s: 2.0, torque_nm: 10.0 },
             rest_rad: 0.1,
         };
         Self {
@@ -80,11 +73,7 @@ impl Robot for Toy {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        posture: &JointTargets,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<&RobotState, RobotError> {
+    fn reset(&mut self, posture: &JointTargets, rng: &mut ChaCha8Rng) -> Result<&RobotState, RobotError> {
         self.follow(posture)?;
         self.state.time_s = 0.0;
         if self.remembers {
@@ -109,15 +98,7 @@ impl Robot for Toy {
 
 #[test]
 fn contract_holds_and_finds_what_breaks_it() {
-    let toy = |gains, disturbed, remembers| {
-        move || {
-            Ok(Toy {
-                disturbed,
-                remembers,
-                ..Toy::new(gains)
-            })
-        }
-    };
+    let toy = |gains, disturbed, remembers| move || Ok(Toy { disturbed, remembers, ..Toy::new(gains) });
     let plain = toy(Gains::Refused, false, false);
     let disturbed = toy(Gains::Refused, true, false);
     assert_eq!(check(plain, Start::Exact), Ok(()));
@@ -125,13 +106,7 @@ fn contract_holds_and_finds_what_breaks_it() {
     assert!(check(disturbed, Start::Exact).is_err());
     assert!(check(plain, Start::Disturbed).is_err());
     assert!(check(toy(Gains::Refused, false, true), Start::Exact).is_err());
-    assert_eq!(
-        check(toy(Gains::Honoured, false, false), Start::Exact),
-        Ok(())
-    );
+    assert_eq!(check(toy(Gains::Honoured, false, false), Start::Exact), Ok(()));
     let breach = check(toy(Gains::Ignored, false, false), Start::Exact).unwrap_err();
-    assert!(
-        breach.rule.contains("gains") && breach.found.contains("waist"),
-        "{breach}"
-    );
+    assert!(breach.rule.contains("gains") && breach.found.contains("waist"), "{breach}");
 }

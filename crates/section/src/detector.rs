@@ -133,21 +133,14 @@ impl SectionConfig {
                 requirement: "must lie in [-180, 180]",
             });
         }
-        for (name, value, most) in [
-            ("roll_rate_filter_s", self.roll_rate_filter_s, 1.0),
-            ("refractory_s", self.refractory_s, 10.0),
-        ] {
+        for (name, value, most) in
+            [("roll_rate_filter_s", self.roll_rate_filter_s, 1.0), ("refractory_s", self.refractory_s, 10.0)]
+        {
             if !(0.0..=most).contains(&value) {
-                return Err(SectionError::Parameter {
-                    name,
-                    value,
-                    requirement: "must be 0 or a short time",
-                });
+                return Err(SectionError::Parameter { name, value, requirement: "must be 0 or a short time" });
             }
         }
-        self.lateral
-            .as_ref()
-            .map_or(Ok(()), LateralConfig::validate)
+        self.lateral.as_ref().map_or(Ok(()), LateralConfig::validate)
     }
 }
 
@@ -212,9 +205,7 @@ impl SectionDetector {
             last: None,
             crossed_in_this_stance: false,
             last_crossing_s: None,
-            lateral: config
-                .lateral
-                .map(|lateral| LateralDetector::new(lateral, &config)),
+            lateral: config.lateral.map(|lateral| LateralDetector::new(lateral, &config)),
         })
     }
 
@@ -246,11 +237,7 @@ impl SectionDetector {
 
     /// Takes the newest state, and the gait's phase as a leg sees it, where it has one; tells whether a section
     /// was crossed since the state before.
-    pub fn update(
-        &mut self,
-        state: &RobotState,
-        phase_rad: impl Fn(Side) -> Option<f64>,
-    ) -> Option<Crossing> {
+    pub fn update(&mut self, state: &RobotState, phase_rad: impl Fn(Side) -> Option<f64>) -> Option<Crossing> {
         if let Some(lateral) = &mut self.lateral {
             return lateral.update(state);
         }
@@ -263,9 +250,7 @@ impl SectionDetector {
             scalar: match self.config.event {
                 SectionEvent::RollRate => pendulum.roll_rate_rad_s,
                 SectionEvent::Touchdown => 0.0,
-                SectionEvent::GaitClock => {
-                    wrapped(phase_rad(stance)? - self.config.clock_phase_deg.to_radians())
-                }
+                SectionEvent::GaitClock => wrapped(phase_rad(stance)? - self.config.clock_phase_deg.to_radians()),
             },
             right_load: state.right_load_fraction().unwrap_or(last_load),
         };
@@ -326,10 +311,7 @@ mod tests {
     /// A unit-height mass that sways inside of the right foot: `y = 0.1 − 0.05 sin(t)` from the foot,
     /// so that the roll rate is zero and rising at `t = π/2`, where `y = 0.05`.
     fn swaying(t: f64, stance: Side) -> RobotState {
-        let mut state = RobotState {
-            time_s: t,
-            ..Default::default()
-        };
+        let mut state = RobotState { time_s: t, ..Default::default() };
         state.feet[stance.index()].load_n = 100.0;
         state.com.position_m = [0.0, -stance.lateral_sign() * (0.1 - 0.05 * t.sin()), 1.0];
         state.com.velocity_m_s = [0.0, stance.lateral_sign() * 0.05 * t.cos(), 0.0];
@@ -337,23 +319,16 @@ mod tests {
     }
 
     fn unfiltered() -> SectionConfig {
-        SectionConfig {
-            roll_rate_filter_s: 0.0,
-            ..Default::default()
-        }
+        SectionConfig { roll_rate_filter_s: 0.0, ..Default::default() }
     }
 
     fn crossings(config: SectionConfig, states: impl Iterator<Item = RobotState>) -> Vec<Crossing> {
         let mut detector = SectionDetector::new(config).unwrap();
-        states
-            .filter_map(|state| detector.update(&state, |_| None))
-            .collect()
+        states.filter_map(|state| detector.update(&state, |_| None)).collect()
     }
 
     fn ticks(dt_s: f64, offset_s: f64, until_s: f64) -> impl Iterator<Item = f64> {
-        (0..)
-            .map(move |k| offset_s + f64::from(k) * dt_s)
-            .take_while(move |t| *t < until_s)
+        (0..).map(move |k| offset_s + f64::from(k) * dt_s).take_while(move |t| *t < until_s)
     }
 
     #[test]
@@ -361,10 +336,7 @@ mod tests {
         let error = |dt_s: f64| {
             // The zero sits at a third of a step, where the chord's error is not zero by symmetry.
             let offset_s = std::f64::consts::FRAC_PI_2 - 10.0 * dt_s - dt_s / 3.0;
-            let found = crossings(
-                unfiltered(),
-                ticks(dt_s, offset_s, 3.0).map(|t| swaying(t, Side::Right)),
-            );
+            let found = crossings(unfiltered(), ticks(dt_s, offset_s, 3.0).map(|t| swaying(t, Side::Right)));
             assert_eq!(found.len(), 1);
             (found[0].pendulum.roll_rad - 0.05_f64.atan()).abs()
         };
@@ -375,12 +347,7 @@ mod tests {
 
     #[test]
     fn left_and_right_stance_give_the_same_crossing() {
-        let at = |side| {
-            crossings(
-                unfiltered(),
-                ticks(0.01, 0.0, 3.0).map(move |t| swaying(t, side)),
-            )
-        };
+        let at = |side| crossings(unfiltered(), ticks(0.01, 0.0, 3.0).map(move |t| swaying(t, side)));
         let (left, right) = (at(Side::Left), at(Side::Right));
         assert_eq!((left.len(), right.len()), (1, 1));
         assert!((left[0].pendulum.roll_rad - right[0].pendulum.roll_rad).abs() < 1e-15);
@@ -406,15 +373,9 @@ mod tests {
 
     #[test]
     fn touching_wrong_direction_and_a_positive_start_do_not_count() {
-        assert!(
-            with_rates(&[1.0, 0.5, 0.0, 0.5]).is_empty(),
-            "touched from above"
-        );
+        assert!(with_rates(&[1.0, 0.5, 0.0, 0.5]).is_empty(), "touched from above");
         assert!(with_rates(&[1.0, -1.0]).is_empty(), "falling");
-        assert!(
-            with_rates(&[-1.0, -0.1, -0.3, -1.0]).is_empty(),
-            "did not reach zero"
-        );
+        assert!(with_rates(&[-1.0, -0.1, -0.3, -1.0]).is_empty(), "did not reach zero");
     }
 
     #[test]
@@ -436,10 +397,7 @@ mod tests {
             })
         };
         assert_eq!(crossings(unfiltered(), walk()).len(), 2);
-        let slow = SectionConfig {
-            refractory_s: 4.0,
-            ..unfiltered()
-        };
+        let slow = SectionConfig { refractory_s: 4.0, ..unfiltered() };
         assert_eq!(crossings(slow, walk()).len(), 1);
     }
 
@@ -447,10 +405,7 @@ mod tests {
     /// the ticks are.
     #[test]
     fn touchdown_is_where_the_load_passes_its_threshold() {
-        let config = SectionConfig {
-            event: SectionEvent::Touchdown,
-            ..unfiltered()
-        };
+        let config = SectionConfig { event: SectionEvent::Touchdown, ..unfiltered() };
         let loaded = |t: f64| {
             let mut state = swaying(t, Side::Right);
             let right = (10.0 * (t - 1.0)).clamp(0.0, 1.0);
@@ -467,11 +422,7 @@ mod tests {
     /// A clock of 1 rad/s passes 90 deg after π/2 s, and its jump from π to −π is no section.
     #[test]
     fn the_gait_clock_ticks_at_its_phase() {
-        let config = SectionConfig {
-            event: SectionEvent::GaitClock,
-            clock_phase_deg: 90.0,
-            ..unfiltered()
-        };
+        let config = SectionConfig { event: SectionEvent::GaitClock, clock_phase_deg: 90.0, ..unfiltered() };
         let mut detector = SectionDetector::new(config).unwrap();
         let mut found = Vec::new();
         for t in ticks(0.01, 0.0, 2.0 * PI) {
@@ -486,11 +437,6 @@ mod tests {
         let mut config = SectionConfig::default();
         config.stance.load_share = 0.4;
         let error = SectionDetector::new(config).unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .starts_with("section.stance.load_share = 0.4"),
-            "{error}"
-        );
+        assert!(error.to_string().starts_with("section.stance.load_share = 0.4"), "{error}");
     }
 }

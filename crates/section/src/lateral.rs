@@ -23,31 +23,12 @@ impl LateralConfig {
     /// Checks every value.
     pub(crate) fn validate(&self) -> Result<(), SectionError> {
         for (name, value, most, requirement) in [
-            (
-                "lateral.velocity_filter_s",
-                self.velocity_filter_s,
-                1.0,
-                "must be 0 or a short time",
-            ),
-            (
-                "lateral.load_filter_s",
-                self.load_filter_s,
-                1.0,
-                "must be 0 or a short time",
-            ),
-            (
-                "lateral.least_load_ratio",
-                self.least_load_ratio,
-                0.99,
-                "must lie between 0 and 0.99",
-            ),
+            ("lateral.velocity_filter_s", self.velocity_filter_s, 1.0, "must be 0 or a short time"),
+            ("lateral.load_filter_s", self.load_filter_s, 1.0, "must be 0 or a short time"),
+            ("lateral.least_load_ratio", self.least_load_ratio, 0.99, "must lie between 0 and 0.99"),
         ] {
             if !(0.0..=most).contains(&value) {
-                return Err(SectionError::Parameter {
-                    name,
-                    value,
-                    requirement,
-                });
+                return Err(SectionError::Parameter { name, value, requirement });
             }
         }
         Ok(())
@@ -116,16 +97,10 @@ impl LateralDetector {
             None => (ratio, state.com.velocity_m_s),
             Some(last) => {
                 let dt_s = state.time_s - last.time_s;
-                let pass =
-                    |old: f64, new: f64, tau_s: f64| old + (new - old) * dt_s / (tau_s + dt_s);
+                let pass = |old: f64, new: f64, tau_s: f64| old + (new - old) * dt_s / (tau_s + dt_s);
                 let c = &self.config;
-                let velocity = [0, 1, 2].map(|k| {
-                    pass(
-                        last.velocity_m_s[k],
-                        state.com.velocity_m_s[k],
-                        c.velocity_filter_s,
-                    )
-                });
+                let velocity =
+                    [0, 1, 2].map(|k| pass(last.velocity_m_s[k], state.com.velocity_m_s[k], c.velocity_filter_s));
                 (pass(last.load_ratio, ratio, c.load_filter_s), velocity)
             }
         };
@@ -165,10 +140,7 @@ impl LateralDetector {
             return None;
         }
         self.last_crossing = Some((time_s, stance));
-        Some(Crossing {
-            time_s,
-            pendulum: before.pendulum.interpolate(&now.pendulum, s),
-        })
+        Some(Crossing { time_s, pendulum: before.pendulum.interpolate(&now.pendulum, s) })
     }
 }
 
@@ -184,11 +156,7 @@ mod tests {
         SectionConfig {
             stance: StanceConfig { load_share: 0.6 },
             refractory_s: 0.2,
-            lateral: Some(LateralConfig {
-                velocity_filter_s: 0.0,
-                load_filter_s: 0.0,
-                least_load_ratio: 0.7,
-            }),
+            lateral: Some(LateralConfig { velocity_filter_s: 0.0, load_filter_s: 0.0, least_load_ratio: 0.7 }),
             ..SectionConfig::default()
         }
     }
@@ -197,10 +165,7 @@ mod tests {
     /// once in 2π/6 s: turning points at π/12, 3π/12, ... from 0, on alternate feet.
     fn sway(time_s: f64, load_amplitude: f64) -> RobotState {
         let (sin, cos) = (6.0 * time_s).sin_cos();
-        let mut state = RobotState {
-            time_s,
-            ..Default::default()
-        };
+        let mut state = RobotState { time_s, ..Default::default() };
         for side in Side::BOTH {
             let foot = &mut state.feet[side.index()];
             foot.centre_m[1] = 0.05 * side.lateral_sign();
@@ -213,9 +178,7 @@ mod tests {
 
     fn found(config: SectionConfig, states: impl Iterator<Item = RobotState>) -> Vec<Crossing> {
         let mut detector = SectionDetector::new(config).unwrap();
-        states
-            .filter_map(|s| detector.update(&s, |_| None))
-            .collect()
+        states.filter_map(|s| detector.update(&s, |_| None)).collect()
     }
 
     fn ticks() -> impl Iterator<Item = f64> {
@@ -251,10 +214,7 @@ mod tests {
         });
         let crossings = found(config(), trembling);
         assert_eq!(crossings.len(), 6);
-        let slow = SectionConfig {
-            refractory_s: 0.7,
-            ..config()
-        };
+        let slow = SectionConfig { refractory_s: 0.7, ..config() };
         let sparse = found(slow, ticks().map(|t| sway(t, 0.95)));
         assert_eq!(sparse.len(), 2, "every other foot comes too soon");
     }
@@ -268,11 +228,7 @@ mod tests {
         let late = found(slow, ticks().map(|t| sway(t, 0.99)));
         // A first-order filter turns the phase by atan(ω τ), here 0.0199 s of time.
         let expected_s = 3.0 * std::f64::consts::PI / 12.0 + (6.0_f64 * 0.02).atan() / 6.0;
-        assert!(
-            (late[1].time_s - expected_s).abs() < 4e-3,
-            "{}",
-            late[1].time_s
-        );
+        assert!((late[1].time_s - expected_s).abs() < 4e-3, "{}", late[1].time_s);
     }
 
     #[test]
@@ -282,9 +238,6 @@ mod tests {
             lateral.least_load_ratio = 1.0;
         }
         let says = SectionDetector::new(bad).unwrap_err().to_string();
-        assert!(
-            says.starts_with("section.lateral.least_load_ratio"),
-            "{says}"
-        );
+        assert!(says.starts_with("section.lateral.least_load_ratio"), "{says}");
     }
 }

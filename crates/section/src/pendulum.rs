@@ -108,12 +108,7 @@ mod tests {
         let mut state = RobotState::default();
         let (sin, cos) = heading_rad.sin_cos();
         let turn = |x: f64, y: f64| [cos * x - sin * y, sin * x + cos * y];
-        state.base.orientation = [
-            (heading_rad / 2.0).cos(),
-            0.0,
-            0.0,
-            (heading_rad / 2.0).sin(),
-        ];
+        state.base.orientation = [(heading_rad / 2.0).cos(), 0.0, 0.0, (heading_rad / 2.0).sin()];
         for side in Side::BOTH {
             let [x, y] = turn(0.02, 0.1 * side.lateral_sign());
             state.feet[side.index()].centre_m = [x, y, 0.01];
@@ -127,11 +122,8 @@ mod tests {
     #[test]
     fn the_mirror_image_on_the_other_leg_and_any_heading_look_the_same() {
         let reference = pendulum(&state(0.0, 1.0), Side::Left, PendulumBase::StanceFoot).unwrap();
-        for (heading_rad, mirror, side) in [
-            (1.2, 1.0, Side::Left),
-            (0.0, -1.0, Side::Right),
-            (-2.0, -1.0, Side::Right),
-        ] {
+        for (heading_rad, mirror, side) in [(1.2, 1.0, Side::Left), (0.0, -1.0, Side::Right), (-2.0, -1.0, Side::Right)]
+        {
             let p = pendulum(&state(heading_rad, mirror), side, PendulumBase::StanceFoot).unwrap();
             for (a, b) in [
                 (p.roll_rad, reference.roll_rad),

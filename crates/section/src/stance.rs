@@ -42,10 +42,7 @@ impl StanceDetector {
     /// A detector that knows no stance yet.
     #[must_use]
     pub const fn new(config: StanceConfig) -> Self {
-        Self {
-            config,
-            stance: None,
-        }
+        Self { config, stance: None }
     }
 
     /// Forgets the stance.

@@ -7,12 +7,10 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use stridemap_gait::{Gait, GaitError, Modulation, OscillatorGait};
 use stridemap_lab::{
-    Algorithm, GaitPart, Known, LabError, LearnerPart, NoRecorder, Part, RewardOf, RewardPart,
-    StateComponent, StatePart, builtin, gaits, learners, rewards, states,
+    Algorithm, GaitPart, Known, LabError, LearnerPart, NoRecorder, Part, RewardOf, RewardPart, StateComponent,
+    StatePart, builtin, gaits, learners, rewards, states,
 };
-use stridemap_learn::{
-    ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary,
-};
+use stridemap_learn::{ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary};
 use stridemap_record::{Measured, Summary};
 use stridemap_returnmap::StrideProcess;
 use stridemap_robot::{JointTargets, LegJoint, LegRole, Legs, RobotState};
@@ -59,11 +57,7 @@ static STIFF_KNEES: GaitPart = GaitPart {
     build: |task, robot| {
         let knee_deg = task.gait.own.get("knee_deg").copied().unwrap_or(0.0);
         let inner = OscillatorGait::new(task.gait.clone(), robot)?;
-        Ok(Box::new(StiffKnees {
-            inner,
-            legs: robot.legs,
-            straighter_rad: knee_deg.to_radians(),
-        }))
+        Ok(Box::new(StiffKnees { inner, legs: robot.legs, straighter_rad: knee_deg.to_radians() }))
     },
 };
 
@@ -114,11 +108,7 @@ impl Learner for RandomSearch {
             }
         }
         let policy = SavedPolicy::Constant(ConstantPolicy::new(spec, &best)?);
-        Ok(LearnOutcome {
-            policy,
-            trials: Vec::new(),
-            strides,
-        })
+        Ok(LearnOutcome { policy, trials: Vec::new(), strides })
     }
 }
 
@@ -143,12 +133,7 @@ impl LearnerPart for Registered {
         rng: &mut ChaCha8Rng,
         observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
-        let candidates = known
-            .task
-            .learner
-            .own
-            .get("candidates")
-            .map_or(20, |n| *n as usize);
+        let candidates = known.task.learner.own.get("candidates").map_or(20, |n| *n as usize);
         known.in_map(&mut RandomSearch { candidates }, None, true, rng, observer)
     }
 }
@@ -169,9 +154,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let summary = learn(concat!(env!("CARGO_MANIFEST_DIR"), "/own.toml"))?;
     let reward = |measured: Option<Measured>| measured.map(|m| m.performance.mean_reward);
     let (nominal, last) = (reward(summary.nominal), reward(summary.final_policy));
-    println!(
-        "nominal {nominal:.4?}, final {last:.4?}, {} strides",
-        summary.strides.training
-    );
+    println!("nominal {nominal:.4?}, final {last:.4?}, {} strides", summary.strides.training);
     Ok(())
 }

@@ -8,13 +8,12 @@ use stridemap_lab::builtin::LoadedTask;
 use stridemap_lab::run::FinishedRun;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Batch, LabError, Plant, PoseRecorder, PushConfig, Task, Walker,
-    analyse as analyse_run, builtin, drive, make_strides, push as push_plant,
+    ActionSource, Batch, LabError, Plant, PoseRecorder, PushConfig, Task, Walker, analyse as analyse_run, builtin,
+    drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
 use stridemap_record::{
-    Columns, Fall, FallCriterion, Measured, Performance, Recording, StridePhase, StrideRole,
-    Transition, Walk,
+    Columns, Fall, FallCriterion, Measured, Performance, Recording, StridePhase, StrideRole, Transition, Walk,
     files::{self, lock},
 };
 use stridemap_returnmap::{StrideEnd, StrideProcess};
@@ -40,26 +39,12 @@ fn task_and_policy(
 ) -> Result<(Task, SavedPolicy, Option<FallsIn>), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     say_differences(path);
-    let loaded = LoadedTask {
-        task: run.task.clone(),
-        resolved: String::new(),
-        file: None,
-    };
+    let loaded = LoadedTask { task: run.task.clone(), resolved: String::new(), file: None };
     let task = on_robot(loaded, common)?.task;
-    let measured = if nominal {
-        run.progress.nominal
-    } else {
-        run.progress.final_performance
-    };
+    let measured = if nominal { run.progress.nominal } else { run.progress.final_performance };
     let falls = measured.map(|p| (p.falls, p.strides));
-    let policy = if nominal {
-        task.nominal_policy()?
-    } else {
-        run.policy()?
-    };
-    policy
-        .check_fits(&task.process_spec()?)
-        .map_err(LabError::from)?;
+    let policy = if nominal { task.nominal_policy()? } else { run.policy()? };
+    policy.check_fits(&task.process_spec()?).map_err(LabError::from)?;
     Ok((task, policy, falls))
 }
 
@@ -91,51 +76,23 @@ fn show_causes(causes: &[Fall]) {
 }
 
 /// Measures a policy on the robot.
-pub fn evaluate(
-    path: &Path,
-    strides: usize,
-    nominal: bool,
-    common: &Common,
-) -> Result<(), Failure> {
+pub fn evaluate(path: &Path, strides: usize, nominal: bool, common: &Common) -> Result<(), Failure> {
     let (task, policy, falls) = task_and_policy(path, nominal, common)?;
     let doing = Purpose::apply(format!("make {strides} strides to measure a policy"), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: strides + DISCARD,
-    };
+    let batch =
+        Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: strides + DISCARD };
     let mut rng = stream(common.seed, Role::Run, 0);
     let performance = if let Some(times) = task.record.walk() {
         // Time ends the walk, whatever --strides says.
-        let batch = Batch {
-            strides: usize::MAX,
-            ..batch
-        };
+        let batch = Batch { strides: usize::MAX, ..batch };
         let mut walker = Walker::new(&policy, times.walk_s);
-        let transitions = drive(
-            &mut plant,
-            &mut walker,
-            batch,
-            &mut rng,
-            &mut |_, _| {},
-            &mut |_| Ok(()),
-        )?;
-        Performance {
-            walk: Some(Walk::of(&transitions, times)),
-            ..Performance::of(&transitions, DISCARD)
-        }
+        let transitions = drive(&mut plant, &mut walker, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
+        Performance { walk: Some(Walk::of(&transitions, times)), ..Performance::of(&transitions, DISCARD) }
     } else {
-        let transitions = make_strides(
-            &mut plant,
-            &ActionSource::Mean(&policy),
-            batch,
-            &mut rng,
-            &mut |_, _| {},
-            &mut |_| Ok(()),
-        )?;
+        let transitions =
+            make_strides(&mut plant, &ActionSource::Mean(&policy), batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
         Performance::of(&transitions, DISCARD)
     };
     let shown = Evaluated {
@@ -209,20 +166,12 @@ pub fn run(
     let table = Columns::new(plant.spec());
     let mut rows = vec![table.header()];
     let mut transitions: Vec<Transition> = Vec::new();
-    let batch = Batch {
-        iteration: 0,
-        phase: StridePhase::Record,
-        role: StrideRole::Record,
-        strides: usize::MAX,
-    };
+    let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: usize::MAX };
     // The batch has no end of its own: time or a fall ends it, by way of an error that is none.
     let result = make_strides(
         &mut plant,
         &ActionSource::Mean(&policy),
-        Batch {
-            strides: batch.strides.min(1_000_000),
-            ..batch
-        },
+        Batch { strides: batch.strides.min(1_000_000), ..batch },
         &mut rng,
         &mut |_, _| {},
         &mut |t| {
@@ -256,11 +205,7 @@ pub fn run(
         stride_duration_s: walked_s / performance.strides.max(1) as f64,
         forward_m,
         left_m: transitions.iter().map(|t| t.measures.left_m).sum(),
-        speed_m_s: if walked_s > 0.0 {
-            forward_m / walked_s
-        } else {
-            0.0
-        },
+        speed_m_s: if walked_s > 0.0 { forward_m / walked_s } else { 0.0 },
     };
     if common.json {
         return output::json(&shown);
@@ -290,17 +235,13 @@ pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     say_differences(path);
     if run.progress.proofs().is_empty() {
-        return Err(Failure::request(
-            "analyse needs a run that proves its policies, as those of `learn walking` do",
-        ));
+        return Err(Failure::request("analyse needs a run that proves its policies, as those of `learn walking` do"));
     }
     let found = analyse_run(&run.task, &run.progress, run.provenance.seed)?;
     if common.json {
         return output::json(&found);
     }
-    output::line(
-        "pitch rate at the next section, held-out strides: residual in deg/s (by the median)",
-    );
+    output::line("pitch rate at the next section, held-out strides: residual in deg/s (by the median)");
     for r in &found.pitch_rate_residual_deg_s {
         output::line(format!(
             "  {:.3} ({:.3})  {} strides, the map sees {}, u(k){}",

@@ -37,17 +37,12 @@ pub fn bench(json: bool) -> Result<(), Failure> {
     output::note("strides on the robot against the physics in them");
     let mut plant = task.plant()?;
     let mut rng = stream(1, Role::Run, 0);
-    plant
-        .reset(&mut rng)
-        .map_err(stridemap_lab::LabError::from)?;
+    plant.reset(&mut rng).map_err(stridemap_lab::LabError::from)?;
     let nominal: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
-    let (engine_before, robot_before) =
-        (plant.robot().engine_seconds(), plant.robot().state().time_s);
+    let (engine_before, robot_before) = (plant.robot().engine_seconds(), plant.robot().state().time_s);
     let started = Instant::now();
     for _ in 0..PLANT_STRIDES {
-        plant
-            .stride(&nominal, &mut rng)
-            .map_err(stridemap_lab::LabError::from)?;
+        plant.stride(&nominal, &mut rng).map_err(stridemap_lab::LabError::from)?;
     }
     let plant_s = started.elapsed().as_secs_f64();
     let engine_s = match (engine_before, plant.robot().engine_seconds()) {
@@ -70,9 +65,7 @@ pub fn bench(json: bool) -> Result<(), Failure> {
     let started = Instant::now();
     for _ in 0..MAP_STRIDES {
         let action = stridemap_learn::Policy::mean(&policy, &state);
-        let stride = map
-            .stride(&action, &mut rng)
-            .map_err(stridemap_lab::LabError::from)?;
+        let stride = map.stride(&action, &mut rng).map_err(stridemap_lab::LabError::from)?;
         state = match stride.end {
             stridemap_returnmap::StrideEnd::Crossing => stride.next_state,
             _ => map.reset(&mut rng).map_err(stridemap_lab::LabError::from)?,

@@ -58,30 +58,15 @@ pub struct Person {
 
 impl Person {
     /// Whoever answers for a task on a robot; answers are kept in the run's events, if there is a run.
-    pub fn new(
-        plan: String,
-        yes: bool,
-        run: Option<&Path>,
-        last_fall: &LastFall,
-        stop: Arc<AtomicBool>,
-    ) -> Self {
-        Self {
-            plan,
-            yes,
-            run: run.map(Path::to_path_buf),
-            last_fall: Arc::clone(last_fall),
-            stop,
-        }
+    pub fn new(plan: String, yes: bool, run: Option<&Path>, last_fall: &LastFall, stop: Arc<AtomicBool>) -> Self {
+        Self { plan, yes, run: run.map(Path::to_path_buf), last_fall: Arc::clone(last_fall), stop }
     }
 
     /// Waits for an answer; none, or Ctrl-C, is a no.
     fn ask(&self, why: &str) -> bool {
         output::note(format!("{why}: {}", self.plan));
         let mut stderr = std::io::stderr();
-        let _ = write!(
-            stderr,
-            "is the robot set up, upright and clear to move? [y/N] "
-        );
+        let _ = write!(stderr, "is the robot set up, upright and clear to move? [y/N] ");
         let _ = stderr.flush();
         let (told, hears) = channel();
         std::thread::spawn(move || {
@@ -102,15 +87,13 @@ impl Person {
 impl Operator for Person {
     fn set_up(&mut self, why: &str) -> bool {
         let fall = self.last_fall.lock().ok().and_then(|mut fall| fall.take());
-        let fell = fall
-            .filter(|_| why == RemoteMachine::NEW_START)
-            .map(|fall| {
-                let did = match fall.criterion {
-                    FallCriterion::NoSection => "stalled",
-                    _ => "fell",
-                };
-                format!("the robot {did}: {fall}")
-            });
+        let fell = fall.filter(|_| why == RemoteMachine::NEW_START).map(|fall| {
+            let did = match fall.criterion {
+                FallCriterion::NoSection => "stalled",
+                _ => "fell",
+            };
+            format!("the robot {did}: {fall}")
+        });
         let why = fell.as_deref().unwrap_or(why);
         // Between batches nothing has happened that a person must look at.
         if why == RemoteMachine::NEW_START {
@@ -163,12 +146,7 @@ impl StrideObserver for Watcher {
 
     fn section(&mut self, crossing: &Crossing) {
         let p = &crossing.pendulum;
-        let numbers = [
-            crossing.time_s,
-            p.roll_rad.to_degrees(),
-            p.pitch_rad.to_degrees(),
-            p.stance.lateral_sign(),
-        ];
+        let numbers = [crossing.time_s, p.roll_rad.to_degrees(), p.pitch_rad.to_degrees(), p.stance.lateral_sign()];
         if let Some(Ok(mut journal)) = self.journal.as_ref().map(|j| j.lock()) {
             let _ = journal.section(&numbers);
         }
@@ -213,11 +191,7 @@ fn largest_joint_rate_rad_s(task: &Task) -> Option<f64> {
     const STRIDES: usize = 8;
     let twin = Task {
         link: None,
-        robot: MujocoConfig {
-            hardware: None,
-            estimated: false,
-            ..task.robot.clone()
-        },
+        robot: MujocoConfig { hardware: None, estimated: false, ..task.robot.clone() },
         ..task.clone()
     };
     let limits = twin.action_limits().ok()?;
@@ -263,10 +237,7 @@ pub fn plan(task: &Task, purpose: &Purpose) -> String {
             };
             (
                 format!("make about {training} strides to learn from and {measured}"),
-                format!(
-                    "at most {} falls are expected while learning",
-                    task.success.falls_at_most
-                ),
+                format!("at most {} falls are expected while learning", task.success.falls_at_most),
             )
         }
         Purpose::Collect => (
@@ -275,23 +246,12 @@ pub fn plan(task: &Task, purpose: &Purpose) -> String {
         ),
         Purpose::Apply { what, falls } => (what.clone(), falls.clone()),
     };
-    let bounds: Vec<String> = task
-        .action
-        .iter()
-        .map(|a| format!("{} in [{}, {}]", a.modulates, a.bounds[0], a.bounds[1]))
-        .collect();
+    let bounds: Vec<String> =
+        task.action.iter().map(|a| format!("{} in [{}, {}]", a.modulates, a.bounds[0], a.bounds[1])).collect();
     let guard = task.robot.velocity_limit_rad_s;
     let rate = largest_joint_rate_rad_s(task).map_or_else(
         || format!("joints turn at up to {guard:.1} rad/s"),
-        |rate| {
-            format!(
-                "joints turn at up to {rate:.1} rad/s in simulation (the guard holds them to {guard:.1})"
-            )
-        },
+        |rate| format!("joints turn at up to {rate:.1} rad/s in simulation (the guard holds them to {guard:.1})"),
     );
-    format!(
-        "{} will {what}, with {}; {rate}; {falls}",
-        task.name,
-        bounds.join(", ")
-    )
+    format!("{} will {what}, with {}; {rate}; {falls}", task.name, bounds.join(", "))
 }

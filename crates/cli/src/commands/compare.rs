@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use stridemap_lab::{
-    ComparePoint, CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, builtin, can_steer,
-    compare_seed, learning_curves, paired_difference, steer,
+    ComparePoint, CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, builtin, can_steer, compare_seed,
+    learning_curves, paired_difference, steer,
 };
 use stridemap_learn::{Policy, SavedPolicy};
 use stridemap_record::{Spread, files};
@@ -89,20 +89,11 @@ fn finding(trials: &[ComparePoint], arms: &[CompareSeed]) -> Finding {
         gp: mean(late.iter().map(|t| t.gp.mean).collect()),
         full: mean(late.iter().map(|t| t.full.mean).collect()),
     };
-    Finding {
-        early_sd,
-        late_mean,
-        late_difference: difference(late.len()),
-        last_difference: difference(1),
-    }
+    Finding { early_sd, late_mean, late_difference: difference(late.len()), last_difference: difference(1) }
 }
 
 /// Runs both arms for several seeds in parallel.
-pub fn run_arms(
-    name: &str,
-    seeds: u64,
-    common: &Common,
-) -> Result<(Comparison, Vec<CompareSeed>), Failure> {
+pub fn run_arms(name: &str, seeds: u64, common: &Common) -> Result<(Comparison, Vec<CompareSeed>), Failure> {
     let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
     let list = parallel::seeds(common.seed, seeds)?;
     let progress = SeedProgress::new(list.len());
@@ -130,10 +121,7 @@ pub fn run_arms(
 
 /// Fig. 8 of a comparison.
 pub fn fig8_data(comparison: &Comparison) -> Fig8 {
-    let spread = |s: &Spread| MeanSd {
-        mean: s.mean,
-        sd: s.sd.unwrap_or(0.0),
-    };
+    let spread = |s: &Spread| MeanSd { mean: s.mean, sd: s.sd.unwrap_or(0.0) };
     Fig8 {
         trials: comparison
             .trials
@@ -154,17 +142,8 @@ pub fn fig8_data(comparison: &Comparison) -> Fig8 {
 pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
     let states: Vec<f64> = (0..=60).map(|i| 0.1 * f64::from(i)).collect();
     let curve = |policies: Vec<&SavedPolicy>, visited: Vec<f64>| {
-        let spreads: Vec<Spread> = states
-            .iter()
-            .map(|x| {
-                Spread::of(
-                    &policies
-                        .iter()
-                        .map(|p| p.mean(&[*x])[0])
-                        .collect::<Vec<_>>(),
-                )
-            })
-            .collect();
+        let spreads: Vec<Spread> =
+            states.iter().map(|x| Spread::of(&policies.iter().map(|p| p.mean(&[*x])[0]).collect::<Vec<_>>())).collect();
         PolicyCurve {
             mean: spreads.iter().map(|s| s.mean).collect(),
             sd: spreads.iter().map(|s| s.sd.unwrap_or(0.0)).collect(),
@@ -173,10 +152,7 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
     };
     let visited = |of: &dyn Fn(&CompareSeed) -> Vec<f64>| arms.iter().flat_map(of).collect();
     Fig9 {
-        gp: curve(
-            arms.iter().map(|a| &a.gp_policy).collect(),
-            visited(&|a| a.states.iter().map(|s| s[0]).collect()),
-        ),
+        gp: curve(arms.iter().map(|a| &a.gp_policy).collect(), visited(&|a| a.states.iter().map(|s| s[0]).collect())),
         full: curve(
             arms.iter().map(|a| &a.full_policy).collect(),
             visited(&|a| a.full_states.iter().map(|s| s[0]).collect()),
@@ -189,18 +165,9 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
 
 /// Runs the comparison, writes its figures, prints its table. `without_map` sets the learner beside
 /// controls that need no map, instead of beside learning on the robot.
-pub fn compare(
-    name: &str,
-    seeds: u64,
-    without_map: bool,
-    out: Option<&Path>,
-    common: &Common,
-) -> Result<(), Failure> {
+pub fn compare(name: &str, seeds: u64, without_map: bool, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
     let task_of = |seed| -> Result<_, Failure> {
-        let common = Common {
-            seed,
-            ..common.clone()
-        };
+        let common = Common { seed, ..common.clone() };
         Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
     };
     let task = task_of(common.seed)?;
@@ -255,14 +222,8 @@ pub fn compare(
         "early spread over seeds: map {:.4}, robot {:.4} (paper: the map's is larger)",
         f.early_sd.gp, f.early_sd.full
     ));
-    for (when, d) in [
-        ("the last trial", &f.last_difference),
-        ("the last quarter of the trials", &f.late_difference),
-    ] {
-        output::line(format!(
-            "map less robot, {when}: {} (paper: slightly above 0)",
-            interval(d, 4)
-        ));
+    for (when, d) in [("the last trial", &f.last_difference), ("the last quarter of the trials", &f.late_difference)] {
+        output::line(format!("map less robot, {when}: {} (paper: slightly above 0)", interval(d, 4)));
     }
     output::line(format!("{}", dir.join("fig8.svg").display()));
     Ok(())
@@ -298,16 +259,9 @@ impl Quantiles {
         sorted.sort_by(f64::total_cmp);
         let at = |share: f64| {
             let index = (share * sorted.len() as f64).ceil() as usize;
-            sorted
-                .get(index.saturating_sub(1))
-                .copied()
-                .unwrap_or(f64::NAN)
+            sorted.get(index.saturating_sub(1)).copied().unwrap_or(f64::NAN)
         };
-        Self {
-            median: super::learn::median(values),
-            p90: at(0.9),
-            worst: at(1.0),
-        }
+        Self { median: super::learn::median(values), p90: at(0.9), worst: at(1.0) }
     }
 }
 
@@ -325,10 +279,7 @@ fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Resu
     let list = parallel::seeds(common.seed, seeds)?;
     let progress = SeedProgress::new(list.len());
     let task_of = |seed| -> Result<_, Failure> {
-        let common = Common {
-            seed,
-            ..common.clone()
-        };
+        let common = Common { seed, ..common.clone() };
         Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
     };
     let rows = parallel::over(&list, common.threads, |&seed| {
@@ -351,11 +302,7 @@ fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Resu
         ControlOverSeeds {
             name: (*name).to_owned(),
             strides: of.iter().map(|r| r.strides).max().unwrap_or(0),
-            median_mean_reward: super::learn::median(
-                &of.iter()
-                    .map(|r| r.performance.mean_reward)
-                    .collect::<Vec<_>>(),
-            ),
+            median_mean_reward: super::learn::median(&of.iter().map(|r| r.performance.mean_reward).collect::<Vec<_>>()),
             error_deg: Quantiles::of(&errors),
             true_error_deg: truths.map(|t| Quantiles::of(&t)),
             mean_psi_roll_deg: of.iter().map(|r| r.performance.mean_psi_roll_deg).collect(),
@@ -381,9 +328,7 @@ fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Resu
     ));
     for c in &shown.controls {
         let (e, t) = (c.error_deg, c.true_error_deg);
-        let truth = t.map_or(String::new(), |t| {
-            format!("   ({:.2} / {:.2} / {:.2})", t.median, t.p90, t.worst)
-        });
+        let truth = t.map_or(String::new(), |t| format!("   ({:.2} / {:.2} / {:.2})", t.median, t.p90, t.worst));
         output::line(format!(
             "  {:<36} {:>3} strides   {:.2} / {:.2} / {:.2}{truth}   reward {:+.5}   {} falls",
             c.name, c.strides, e.median, e.p90, e.worst, c.median_mean_reward, c.falls

@@ -41,9 +41,7 @@ fn words(text: &str) -> Vec<String> {
 }
 
 fn robot(domain: u16, dir: &Path) -> Result<Process, Failure> {
-    let robot = words(&format!(
-        "robot op3 --seed 1 --domain {domain} --seconds 600"
-    ));
+    let robot = words(&format!("robot op3 --seed 1 --domain {domain} --seconds 600"));
     Process::start(&robot, Some(&dir.join("robot.log")))
 }
 
@@ -51,10 +49,7 @@ impl Pair {
     /// Starts both; returns when some strides are made.
     fn start(domain: u16, dir: &Path) -> Result<Self, Failure> {
         let run = dir.join(format!("run-{domain}"));
-        let listener = StatusListener::open(&Ros2Config {
-            domain,
-            ..Ros2Config::default()
-        })?;
+        let listener = StatusListener::open(&Ros2Config { domain, ..Ros2Config::default() })?;
         let robot = robot(domain, dir)?;
         let mut collect = words(&format!(
             "collect small-stepping --robot ros2 --yes --set link.domain={domain} --set \
@@ -62,14 +57,7 @@ impl Pair {
         ));
         collect.extend(["--out".to_owned(), run.display().to_string()]);
         let controller = Process::start(&collect, Some(&dir.join("controller.log")))?;
-        let mut pair = Self {
-            domain,
-            robot,
-            controller,
-            listener,
-            run,
-            dir: dir.into(),
-        };
+        let mut pair = Self { domain, robot, controller, listener, run, dir: dir.into() };
         pair.wait_for("strides", |rows| rows.len() >= BEFORE)?;
         Ok(pair)
     }
@@ -96,9 +84,7 @@ impl Pair {
                 )));
             }
             if Instant::now() > deadline {
-                return Err(working(format!(
-                    "the controller did not make {what} in time"
-                )));
+                return Err(working(format!("the controller did not make {what} in time")));
             }
             std::thread::sleep(Duration::from_millis(2));
         }
@@ -149,8 +135,7 @@ fn only_good(rows: &[String]) -> bool {
             Some(((*cells.get(3)?).to_owned(), cells.get(5)?.parse().ok()?))
         })
         .collect();
-    ends.windows(2)
-        .all(|w| w[0].0 != w[1].0 || w[1].1 - w[0].1 < 1.2)
+    ends.windows(2).all(|w| w[0].0 != w[1].0 || w[1].1 - w[0].1 < 1.2)
 }
 
 fn controller_killed(domain: u16, dir: &Path) -> Result<FaultRow, Failure> {
@@ -167,11 +152,7 @@ fn controller_killed(domain: u16, dir: &Path) -> Result<FaultRow, Failure> {
             ms(hold),
             ms(damp),
             before.len(),
-            if kept {
-                "none is lost"
-            } else {
-                "SOME ARE LOST"
-            }
+            if kept { "none is lost" } else { "SOME ARE LOST" }
         ),
         hold,
         kept && only_good(&pair.rows()),
@@ -183,9 +164,7 @@ fn robot_killed(domain: u16, dir: &Path) -> Result<FaultRow, Failure> {
     let mut pair = Pair::start(domain, dir)?;
     let began = Instant::now();
     pair.robot.kill()?;
-    pair.wait_for("an aborted stride", |rows| {
-        rows.iter().any(|row| is(row, "aborted"))
-    })?;
+    pair.wait_for("an aborted stride", |rows| rows.iter().any(|row| is(row, "aborted")))?;
     let took_s = began.elapsed().as_secs_f64();
     let gave_up = !pair.controller.end(PATIENCE)?;
     let before = pair.rows();
@@ -199,11 +178,7 @@ fn robot_killed(domain: u16, dir: &Path) -> Result<FaultRow, Failure> {
             ms(Some(took_s)),
             if gave_up { "ends" } else { "DOES NOT END" },
             crossings(&before),
-            if kept {
-                "none is lost"
-            } else {
-                "SOME ARE LOST"
-            }
+            if kept { "none is lost" } else { "SOME ARE LOST" }
         ),
         Some(took_s),
         kept && only_good(&pair.rows()),
@@ -252,20 +227,12 @@ fn process_faults(domain: u16, dir: &Path, row: &mut dyn FnMut(FaultRow)) -> Res
 }
 
 /// Tries every fault and tells each row as soon as it is known.
-fn try_all(
-    only: Option<FaultKind>,
-    domain: u16,
-    dir: &Path,
-    row: &mut dyn FnMut(FaultRow),
-) -> Result<(), Failure> {
+fn try_all(only: Option<FaultKind>, domain: u16, dir: &Path, row: &mut dyn FnMut(FaultRow)) -> Result<(), Failure> {
     if only != Some(FaultKind::Link) {
         process_faults(domain + FAULT_DOMAINS, dir, row)?;
     }
     if only != Some(FaultKind::Processes) {
-        let link = Ros2Config {
-            domain,
-            ..Ros2Config::default()
-        };
+        let link = Ros2Config { domain, ..Ros2Config::default() };
         fault_table(&link, row);
     }
     Ok(())
@@ -273,12 +240,7 @@ fn try_all(
 
 fn show(row: &FaultRow) {
     let within = row.within_ms.map_or("-".into(), |ms| format!("{ms:.0} ms"));
-    output::line(format!(
-        "{} {:<50} {within:>8}  {}",
-        if row.ok { "ok  " } else { "FAIL" },
-        row.fault,
-        row.seen
-    ));
+    output::line(format!("{} {:<50} {within:>8}  {}", if row.ok { "ok  " } else { "FAIL" }, row.fault, row.seen));
 }
 
 /// Tries every fault and prints the table: each row when it is known, and those that are known when it ends

@@ -9,9 +9,7 @@ use stridemap_lab::{LabError, Plant, Task, builtin};
 use stridemap_link::{LogReport, LoggedAction, Repeated, ReplayMachine, read_log};
 use stridemap_mujoco::estimator;
 use stridemap_record::{Columns, StridePhase, StrideRole, Transition, files};
-use stridemap_returnmap::{
-    Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess,
-};
+use stridemap_returnmap::{Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess};
 use stridemap_robot::EstimatedRobot;
 
 use super::linked;
@@ -40,15 +38,9 @@ struct FromLog {
 }
 
 /// Makes strides from a robot's log.
-pub fn collect_from(
-    task: &Path,
-    log: &Path,
-    out: Option<&Path>,
-    common: &Common,
-) -> Result<(), Failure> {
-    let task = builtin::load(super::verbs::text(task)?, &common.sets)?
-        .on(common.robot.map(Into::into), common.seed)?
-        .task;
+pub fn collect_from(task: &Path, log: &Path, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    let task =
+        builtin::load(super::verbs::text(task)?, &common.sets)?.on(common.robot.map(Into::into), common.seed)?.task;
     if let Some(out) = out {
         files::check_file(out)?;
     }
@@ -72,9 +64,7 @@ pub fn collect_from(
         Some(path) => {
             files::write_whole(path, (rows.join("\n") + "\n").as_bytes())?;
             let (strides, path, name) = (found.strides, path.display(), &task.name);
-            output::note(format!(
-                "{strides} strides; next: stridemap fit {path} --task {name}"
-            ));
+            output::note(format!("{strides} strides; next: stridemap fit {path} --task {name}"));
         }
         None if common.json => {}
         None => rows.iter().for_each(output::line),
@@ -90,10 +80,7 @@ fn summary(found: &FromLog) -> String {
     let (log, out) = (&found.log, &found.left_out);
     let counted = |n: u64, what: &str| (n > 0).then(|| format!("{n} {what}"));
     let told = [
-        Some(format!(
-            "{} readings in {} episodes",
-            log.readings, log.episodes
-        )),
+        Some(format!("{} readings in {} episodes", log.readings, log.episodes)),
         counted(log.missed, "periods without a reading"),
         counted(log.unpaired, "joint states without the other sensors"),
         counted(log.doubled, "messages that came twice"),
@@ -106,10 +93,7 @@ fn summary(found: &FromLog) -> String {
         counted(found.aborted as u64, "aborted"),
         counted(out.without_action as u64, "left out for want of an action"),
         counted(out.after_unknown_action as u64, "left out after such a one"),
-        counted(
-            out.actions_without_stride as u64,
-            "actions without a stride",
-        ),
+        counted(out.actions_without_stride as u64, "actions without a stride"),
     ];
     told.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
@@ -123,19 +107,14 @@ struct Applied {
 impl Applied {
     fn new(limits: &[ActionLimits]) -> Result<Self, ProcessError> {
         let law = ActionLaw::new(limits.to_vec())?;
-        Ok(Self {
-            low: law.clone(),
-            high: law,
-        })
+        Ok(Self { low: law.clone(), high: law })
     }
 
     fn is_known(&self) -> bool {
         /// What a law that forgets may leave of a difference.
         const SAME: f64 = 1e-9;
         let apart = self.low.last().iter().zip(self.high.last());
-        apart
-            .into_iter()
-            .all(|(low, high)| (high - low).abs() <= SAME)
+        apart.into_iter().all(|(low, high)| (high - low).abs() <= SAME)
     }
 
     fn apply(&mut self, wanted: Option<&[f64]>) -> Result<(), ProcessError> {
@@ -145,9 +124,8 @@ impl Applied {
                 self.high.apply(wanted)?;
             }
             None => {
-                let bounds = |of: fn(&ActionLimits) -> f64, law: &ActionLaw| -> Action {
-                    law.limits().iter().map(of).collect()
-                };
+                let bounds =
+                    |of: fn(&ActionLimits) -> f64, law: &ActionLaw| -> Action { law.limits().iter().map(of).collect() };
                 self.low.reset_to(bounds(|l| l.lower, &self.low));
                 self.high.reset_to(bounds(|l| l.upper, &self.high));
             }
@@ -159,11 +137,8 @@ impl Applied {
 /// What was asked for where a stride begins; `None` if nothing was logged there, or two different actions were.
 fn asked(actions: &[LoggedAction], now_s: f64, within_s: f64) -> Option<&LoggedAction> {
     let near = |a: &&LoggedAction| (a.time_s - now_s).abs() <= within_s;
-    let nearest = actions.iter().filter(near).min_by(|a, b| {
-        (a.time_s - now_s)
-            .abs()
-            .total_cmp(&(b.time_s - now_s).abs())
-    })?;
+    let nearest =
+        actions.iter().filter(near).min_by(|a, b| (a.time_s - now_s).abs().total_cmp(&(b.time_s - now_s).abs()))?;
     let rival = |a: &LoggedAction| a.time_s.total_cmp(&nearest.time_s).is_eq() && a != nearest;
     (!actions.iter().any(rival)).then_some(nearest)
 }
@@ -214,10 +189,7 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
         strides: made.transitions.len() - aborted,
         aborted,
         left_out: made.left_out,
-        log: LogReport {
-            notes: made.notes,
-            ..report
-        },
+        log: LogReport { notes: made.notes, ..report },
     };
     Ok((made.transitions, found))
 }
@@ -257,12 +229,8 @@ impl Made {
         const LIKE_DEG: f64 = 0.1;
         let now_s = self.plant.robot().state().time_s;
         let psi_deg = self.plant.last_measures().psi_roll_deg;
-        let near = sections
-            .iter()
-            .filter(|(at, _)| (at - now_s).abs() <= self.within_s);
-        let off = near
-            .map(|(_, logged)| (logged - psi_deg).abs())
-            .min_by(f64::total_cmp);
+        let near = sections.iter().filter(|(at, _)| (at - now_s).abs() <= self.within_s);
+        let off = near.map(|(_, logged)| (logged - psi_deg).abs()).min_by(f64::total_cmp);
         if let Some(off_deg) = off {
             self.sections += 1;
             self.unlike += usize::from(off_deg > LIKE_DEG);
@@ -271,19 +239,10 @@ impl Made {
     }
 
     /// The strides of the next episode.
-    fn episode(
-        &mut self,
-        episode: usize,
-        repeated: &std::sync::Mutex<Repeated>,
-    ) -> Result<(), Failure> {
+    fn episode(&mut self, episode: usize, repeated: &std::sync::Mutex<Repeated>) -> Result<(), Failure> {
         let mut rng = stream(0, Role::Collect, 0);
         let started = self.plant.reset(&mut rng);
-        let Repeated {
-            actions,
-            sections,
-            after_end,
-            ..
-        } = held(repeated).clone();
+        let Repeated { actions, sections, after_end, .. } = held(repeated).clone();
         let mut state = match started {
             Ok(state) => state,
             Err(error) => {
@@ -296,10 +255,7 @@ impl Made {
         let mut used = 0;
         for k in 0.. {
             let now_s = self.plant.robot().state().time_s;
-            if actions
-                .last()
-                .is_none_or(|a| a.time_s < now_s - self.within_s)
-            {
+            if actions.last().is_none_or(|a| a.time_s < now_s - self.within_s) {
                 break;
             }
             let wanted = asked(&actions, now_s, self.within_s).map(|a| a.action.as_slice());
@@ -307,9 +263,7 @@ impl Made {
             let (stance, last_action) = (self.plant.stance(), self.plant.last_action().clone());
             let was_known = applied.is_known();
             let guess = last_action.to_vec();
-            let stride = applied
-                .apply(wanted)
-                .and_then(|()| self.plant.stride(wanted.unwrap_or(&guess), &mut rng));
+            let stride = applied.apply(wanted).and_then(|()| self.plant.stride(wanted.unwrap_or(&guess), &mut rng));
             let stride = match stride {
                 Ok(stride) => stride,
                 Err(error) => {

@@ -5,12 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
-use stridemap_lab::run::{
-    FinishedRun, NoWatcher, RunDirectory, Watcher, has_begun, refuse_occupied,
-};
-use stridemap_lab::{
-    Algorithm, LabError, LearnerKind, Progress, Task, builtin, nominal_gait, task_differences,
-};
+use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Watcher, has_begun, refuse_occupied};
+use stridemap_lab::{Algorithm, LabError, LearnerKind, Progress, Task, builtin, nominal_gait, task_differences};
 use stridemap_record::{
     IterationSummary, Performance, Summary,
     files::{self, lock},
@@ -72,16 +68,8 @@ pub fn start(
 ) -> Result<Summary, Failure> {
     let loaded = &on_robot(loaded.clone(), common)?;
     let record = provenance("learn", name, loaded, common)?;
-    let mut directory =
-        RunDirectory::create(path, &loaded.task, &record, Arc::clone(stop), watcher)?;
-    let mut algorithm = algorithm(
-        &loaded.task,
-        common.seed,
-        Progress::default(),
-        common,
-        &Purpose::Learn,
-        Some(path),
-    )?;
+    let mut directory = RunDirectory::create(path, &loaded.task, &record, Arc::clone(stop), watcher)?;
+    let mut algorithm = algorithm(&loaded.task, common.seed, Progress::default(), common, &Purpose::Learn, Some(path))?;
     finish(&mut algorithm, &mut directory)
 }
 
@@ -96,10 +84,7 @@ fn finish(algorithm: &mut Algorithm<'_>, directory: &mut RunDirectory) -> Result
         }
         Err(error) => {
             // The first error is the one to tell; what was gathered is in the directory.
-            let _ = directory.event(
-                "stopped",
-                serde_json::json!({ "reason": error.to_string() }),
-            );
+            let _ = directory.event("stopped", serde_json::json!({ "reason": error.to_string() }));
             Err(error.into())
         }
     }
@@ -116,12 +101,7 @@ pub fn resume(path: &Path, common: &Common) -> Result<(), Failure> {
 }
 
 /// Draws the page of a run, of one that failed as well, and shows what it achieved.
-fn finished(
-    task: &Task,
-    result: Result<Summary, Failure>,
-    path: &Path,
-    json: bool,
-) -> Result<(), Failure> {
+fn finished(task: &Task, result: Result<Summary, Failure>, path: &Path, json: bool) -> Result<(), Failure> {
     let working = matches!(result, Err(Failure::Working(_)));
     if working && path.join("transitions.csv").exists() {
         // The failure is the one to tell, whatever becomes of its page.
@@ -159,10 +139,7 @@ fn with_budget(path: &Path, sets: &[String]) -> Result<FinishedRun, Failure> {
     if !sets.is_empty() {
         let _lock = lock(path)?;
         let config = path.join("config.toml");
-        files::write_whole(
-            &config,
-            builtin::load_file(&config, sets)?.resolved.as_bytes(),
-        )?;
+        files::write_whole(&config, builtin::load_file(&config, sets)?.resolved.as_bytes())?;
     }
     Ok(run)
 }
@@ -172,8 +149,7 @@ fn with_budget(path: &Path, sets: &[String]) -> Result<FinishedRun, Failure> {
 pub fn refuse_misfit(task: &Task, seed: u64) -> Result<(), Failure> {
     if task.link.is_none() {
         let gait = nominal_gait(task, seed)?;
-        gait.refuse(&task.failure)
-            .map_err(|error| task.located(error))?;
+        gait.refuse(&task.failure).map_err(|error| task.located(error))?;
     }
     Ok(())
 }
@@ -190,14 +166,7 @@ pub fn go_on(
         directory.mend()?;
         return Ok(files::read_json(&run.path.join("summary.json"))?);
     }
-    let mut algorithm = algorithm(
-        &run.task,
-        run.provenance.seed,
-        progress,
-        common,
-        &Purpose::Learn,
-        Some(&run.path),
-    )?;
+    let mut algorithm = algorithm(&run.task, run.provenance.seed, progress, common, &Purpose::Learn, Some(&run.path))?;
     directory.goes_on()?;
     finish(&mut algorithm, &mut directory)
 }
@@ -211,19 +180,11 @@ fn begun(path: &Path, task: &Task, seed: u64) -> Result<Option<FinishedRun>, Fai
     let run = FinishedRun::open(path, &[])?;
     let mut differences = task_differences(&run.task, task)?;
     if run.provenance.seed != seed {
-        differences.push(format!(
-            "the seed was {}, is {seed} now",
-            run.provenance.seed
-        ));
+        differences.push(format!("the seed was {}, is {seed} now", run.provenance.seed));
     }
     if !differences.is_empty() {
         let (path, begun) = (path.into(), true);
-        return Err(LabError::Mixed {
-            path,
-            differences,
-            begun,
-        }
-        .into());
+        return Err(LabError::Mixed { path, differences, begun }.into());
     }
     run.refuse_others()?;
     Ok(Some(run))
@@ -268,10 +229,7 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
     output::line(format!("{} (seed {})", task.name, summary.seed));
     let row = |name: &str, p: &Performance| {
         let gain = match p.walk {
-            Some(walk) => format!(
-                "{:.3} m/s   upright {:.0} s",
-                walk.speed_m_s, walk.upright_s
-            ),
+            Some(walk) => format!("{:.3} m/s   upright {:.0} s", walk.speed_m_s, walk.upright_s),
             None => format!("reward {:+.4}", p.mean_reward),
         };
         output::line(format!(
@@ -385,18 +343,12 @@ fn over_seeds(
     let seeds = parallel::seeds(common.seed, count)?;
     let path_of = |seed: u64| -> PathBuf { path_of_all(out, format!("{}-{seed}", task.name)) };
     let last = seeds.last().copied().unwrap_or(common.seed);
-    let dir = path_of_all(
-        out,
-        format!("{}-seeds-{}-to-{last}", task.name, common.seed),
-    );
+    let dir = path_of_all(out, format!("{}-seeds-{}-to-{last}", task.name, common.seed));
     // All or nothing: a directory that is taken is found before the first stride. Runs of this very command
     // that were cut off go on.
     files::check_dir(&dir)?;
     for &seed in &seeds {
-        let common = Common {
-            seed,
-            ..common.clone()
-        };
+        let common = Common { seed, ..common.clone() };
         let asked = on_robot(loaded.clone(), &common)?;
         if let Some(run) = begun(&path_of(seed), &asked.task, seed)? {
             drop(lock(&run.path)?);
@@ -405,28 +357,20 @@ fn over_seeds(
     let stop = stop_flag();
     let progress = SeedProgress::new(seeds.len());
     let results = parallel::over(&seeds, common.threads, |&seed| {
-        let common = Common {
-            seed,
-            ..common.clone()
-        };
+        let common = Common { seed, ..common.clone() };
         let path = path_of(seed);
         let result = start_or_go_on(name, loaded, &path, &common, &stop)
             .and_then(|(summary, _)| super::report::draw(&path).map(|_| summary));
         match &result {
             Ok(s) => progress.done(&format!(
                 "seed {seed}: {}",
-                s.final_policy.map_or_else(
-                    || "no policy".into(),
-                    |f| RunProgress::measured(&f.performance)
-                )
+                s.final_policy.map_or_else(|| "no policy".into(), |f| RunProgress::measured(&f.performance))
             )),
             Err(failure) => progress.done(&format!("seed {seed}: {}", failure.error())),
         }
         result
     })?;
-    let runs = results
-        .into_iter()
-        .collect::<Result<Vec<Summary>, Failure>>()?;
+    let runs = results.into_iter().collect::<Result<Vec<Summary>, Failure>>()?;
     let summary = sum_up(task, runs);
     let paths: Vec<PathBuf> = seeds.iter().map(|&seed| path_of(seed)).collect();
     let page = super::report::draw_seeds(&paths, &dir)?;
@@ -435,10 +379,7 @@ fn over_seeds(
     }
     let gain = match (summary.median_speed_m_s, summary.worst_speed_m_s) {
         (Some(median), Some(worst)) => format!("median {median:.3} m/s, worst {worst:.3}"),
-        _ => format!(
-            "reward median {:+.5}, worst {:+.5}",
-            summary.median_mean_reward, summary.worst_mean_reward
-        ),
+        _ => format!("reward median {:+.5}, worst {:+.5}", summary.median_mean_reward, summary.worst_mean_reward),
     };
     output::line(format!(
         "{}: {} of {} seeds succeed; {gain}; psi_roll median {:.3} deg; {} falls while learning, {} in final; \
@@ -475,20 +416,12 @@ fn over_seeds(
 fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
     let falls = |s: &Summary| s.iterations.iter().map(|i| i.falls).sum::<usize>();
     let strides = |s: &Summary| s.strides.training + s.strides.evaluation;
-    let finals: Vec<Performance> = runs
-        .iter()
-        .filter_map(|s| s.final_policy.map(|f| f.performance))
-        .collect();
-    let succeeded = |s: &&Summary| {
-        s.final_policy
-            .is_some_and(|f| task.is_success(&f.performance, strides(s), falls(s)))
-    };
+    let finals: Vec<Performance> = runs.iter().filter_map(|s| s.final_policy.map(|f| f.performance)).collect();
+    let succeeded =
+        |s: &&Summary| s.final_policy.is_some_and(|f| task.is_success(&f.performance, strides(s), falls(s)));
     let rewards: Vec<f64> = finals.iter().map(|p| p.mean_reward).collect();
     let psis: Vec<f64> = finals.iter().filter_map(|p| p.mean_psi_roll_deg).collect();
-    let speeds: Vec<f64> = finals
-        .iter()
-        .filter_map(|p| Some(p.walk?.speed_m_s))
-        .collect();
+    let speeds: Vec<f64> = finals.iter().filter_map(|p| Some(p.walk?.speed_m_s)).collect();
     let iterations = runs.iter().map(|s| s.iterations.len()).max().unwrap_or(0);
     let success_against_strides = (0..iterations)
         .map(|i| {
@@ -508,11 +441,7 @@ fn sum_up(task: &Task, runs: Vec<Summary>) -> SeedsSummary {
         experiment: task.name.clone(),
         seeds: runs.len(),
         successes: runs.iter().filter(succeeded).count(),
-        failed_seeds: runs
-            .iter()
-            .filter(|s| !succeeded(s))
-            .map(|s| s.seed)
-            .collect(),
+        failed_seeds: runs.iter().filter(|s| !succeeded(s)).map(|s| s.seed).collect(),
         median_mean_reward: median(&rewards),
         worst_mean_reward: rewards.iter().copied().fold(f64::INFINITY, f64::min),
         median_psi_roll_deg: median(&psis),

@@ -3,9 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use stridemap_lab::{
-    LearnerKind, LearnerRow, PairedDifference, Task, paired_difference, run_learner,
-};
+use stridemap_lab::{LearnerKind, LearnerRow, PairedDifference, Task, paired_difference, run_learner};
 
 use crate::args::Common;
 use crate::failure::Failure;
@@ -77,12 +75,7 @@ pub fn compare(
             final_speed_m_s: paired_difference(&ours.final_speed_m_s, &row.final_speed_m_s),
         })
         .collect();
-    let shown = Learners {
-        experiment: task.name.clone(),
-        seeds,
-        rows: rows.clone(),
-        differences,
-    };
+    let shown = Learners { experiment: task.name.clone(), seeds, rows: rows.clone(), differences };
     let dir = out.map_or_else(
         || PathBuf::from("runs").join(format!("compare-{}-{}", task.name, common.seed)),
         Path::to_path_buf,
@@ -103,13 +96,7 @@ fn curves(rows: &[LearnerRow]) -> String {
     let mut text = String::from("learner,strides,median_speed_m_s,falls\n");
     for row in rows {
         for p in &row.curve {
-            text += &format!(
-                "{},{},{},{}\n",
-                row.learner.name(),
-                p.strides,
-                p.median_speed_m_s,
-                p.falls
-            );
+            text += &format!("{},{},{},{}\n", row.learner.name(), p.strides, p.median_speed_m_s, p.falls);
         }
     }
     text
@@ -118,10 +105,7 @@ fn curves(rows: &[LearnerRow]) -> String {
 /// A difference and its 95 % interval, to so many decimals.
 pub fn interval(d: &PairedDifference, decimals: usize) -> String {
     match (d.low, d.high) {
-        (Some(low), Some(high)) => format!(
-            "{:+.decimals$} [{low:+.decimals$}, {high:+.decimals$}]",
-            d.mean
-        ),
+        (Some(low), Some(high)) => format!("{:+.decimals$} [{low:+.decimals$}, {high:+.decimals$}]", d.mean),
         _ => format!("{:+.decimals$}", d.mean),
     }
 }
@@ -144,9 +128,7 @@ fn print(shown: &Learners) {
             row.falls_a_run(),
         ));
     }
-    output::line(
-        "\nstrides      speed of the policy that would be final / falls so far, per learner",
-    );
+    output::line("\nstrides      speed of the policy that would be final / falls so far, per learner");
     let points = shown.rows.first().map_or(0, |r| r.curve.len());
     for i in (0..points).filter(|i| i % 2 == 1) {
         let cells: Vec<String> = shown
@@ -154,19 +136,10 @@ fn print(shown: &Learners) {
             .iter()
             .map(|r| {
                 let p = &r.curve[i];
-                format!(
-                    "{} {:.3} / {:.2}",
-                    r.learner.name(),
-                    p.median_speed_m_s,
-                    p.falls
-                )
+                format!("{} {:.3} / {:.2}", r.learner.name(), p.median_speed_m_s, p.falls)
             })
             .collect();
-        output::line(format!(
-            "{:>7}      {}",
-            shown.rows[0].curve[i].strides,
-            cells.join("   ")
-        ));
+        output::line(format!("{:>7}      {}", shown.rows[0].curve[i].strides, cells.join("   ")));
     }
     output::line("\npaired differences over seeds, 95 % confidence");
     for d in &shown.differences {

@@ -20,20 +20,12 @@ pub fn log_path(run: &Path) -> PathBuf {
         1 => run.join("log.mcap"),
         _ => run.join(format!("log-{k}.mcap")),
     };
-    (1..10_000)
-        .map(named)
-        .find(|path| !path.exists())
-        .unwrap_or_else(|| run.join("log.mcap"))
+    (1..10_000).map(named).find(|path| !path.exists()).unwrap_or_else(|| run.join("log.mcap"))
 }
 
 /// The plant of a task: simulated here, or behind its link. A robot behind a link writes a log if it is told
 /// where; one simulated here only with `--log`.
-pub fn plant(
-    task: &Task,
-    common: &Common,
-    purpose: &Purpose,
-    run: Option<&Path>,
-) -> Result<Plant, Failure> {
+pub fn plant(task: &Task, common: &Common, purpose: &Purpose, run: Option<&Path>) -> Result<Plant, Failure> {
     let lab = |error| task.located(error);
     let logged = common.log || task.link.is_some();
     let path = run.filter(|_| logged).map(log_path);
@@ -55,15 +47,9 @@ pub fn plant(
     };
     let estimator = estimator(&here(task).robot).map_err(lab)?;
     let Some(path) = path else {
-        let robot =
-            EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
+        let robot = EstimatedRobot::new(machine, estimator).map_err(stridemap_lab::LabError::from)?;
         let mut plant = task.plant_on(Box::new(robot))?;
-        plant.log(Some(Box::new(Watcher {
-            journal: None,
-            last_fall,
-            run: None,
-            in_stride: false,
-        })));
+        plant.log(Some(Box::new(Watcher { journal: None, last_fall, run: None, in_stride: false })));
         return Ok(plant);
     };
     let link = task.link.clone().unwrap_or_default();
@@ -88,20 +74,14 @@ pub fn beside_run(task: &Task, run: Option<&Path>) -> Result<Option<PathBuf>, Fa
     if task.link.is_none() {
         return Ok(None);
     }
-    let path = run.map_or_else(
-        || Path::new("runs").join(format!("{}-nominal", task.name)),
-        Path::to_path_buf,
-    );
+    let path = run.map_or_else(|| Path::new("runs").join(format!("{}-nominal", task.name)), Path::to_path_buf);
     files::create_dir(&path)?;
     Ok(Some(path))
 }
 
 /// Names and limits of the joints that a task's joint map expects, in the robot's order and signs.
 pub fn joints(task: &Task) -> Result<(Vec<String>, Vec<JointLimits>), Failure> {
-    let ideal = MujocoConfig {
-        hardware: None,
-        ..task.robot.clone()
-    };
+    let ideal = MujocoConfig { hardware: None, ..task.robot.clone() };
     let model = SimulatedMachine::new(&ideal).map_err(|error| task.located(error))?;
     let own = model.description();
     Ok((own.joint_names.clone(), own.limits.clone()))
@@ -122,8 +102,5 @@ pub fn algorithm<'a>(
 
 /// A task as if its robot were simulated here: for work that needs a plant's shape, not its robot.
 pub fn here(task: &Task) -> Task {
-    Task {
-        link: None,
-        ..task.clone()
-    }
+    Task { link: None, ..task.clone() }
 }

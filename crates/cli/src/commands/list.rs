@@ -17,11 +17,7 @@ struct Listed {
 
 fn listed<P: Part + ?Sized>(registry: &Registry<P>) -> Vec<Listed> {
     let all = registry.all().into_iter();
-    all.map(|part| Listed {
-        name: part.name(),
-        about: part.about(),
-    })
-    .collect()
+    all.map(|part| Listed { name: part.name(), about: part.about() }).collect()
 }
 
 /// Prints the parts of a kind, a line each.
@@ -31,18 +27,8 @@ pub fn list(kind: PartKind, json: bool) -> Result<(), Failure> {
         PartKind::Learners => listed(learners()),
         PartKind::Rewards => listed(rewards()),
         PartKind::States => listed(states()),
-        PartKind::Events => SectionEvent::ALL
-            .map(|event| Listed {
-                name: event.name(),
-                about: event.about(),
-            })
-            .into(),
-        PartKind::Robots => RobotChoice::ALL
-            .map(|robot| Listed {
-                name: robot.name(),
-                about: robot.about(),
-            })
-            .into(),
+        PartKind::Events => SectionEvent::ALL.map(|event| Listed { name: event.name(), about: event.about() }).into(),
+        PartKind::Robots => RobotChoice::ALL.map(|robot| Listed { name: robot.name(), about: robot.about() }).into(),
     };
     if json {
         return output::json(&parts);

@@ -32,10 +32,7 @@ use stridemap_record::{Asked, Provenance};
 
 /// The directory of a run: as asked for, or `runs/TASK-SEED`.
 fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
-    out.map_or_else(
-        || PathBuf::from("runs").join(format!("{}-{seed}", task.name)),
-        Path::to_path_buf,
-    )
+    out.map_or_else(|| PathBuf::from("runs").join(format!("{}-{seed}", task.name)), Path::to_path_buf)
 }
 
 /// A task on the robot, and in the network, that the command line names.
@@ -57,9 +54,9 @@ pub fn in_network(task: &mut Task, common: &Common) -> Result<(), Failure> {
             }
             Ok(stridemap_link::check_network(link)?)
         }
-        None if common.domain.is_some() || common.interface.is_some() => Err(Failure::request(
-            "--domain and --interface are for a robot behind ROS 2: add --robot ros2",
-        )),
+        None if common.domain.is_some() || common.interface.is_some() => {
+            Err(Failure::request("--domain and --interface are for a robot behind ROS 2: add --robot ros2"))
+        }
         None => Ok(()),
     }
 }
@@ -70,10 +67,7 @@ fn say_differences(path: &Path) {
     // As it stands, without overrides: those are asked for. What cannot be built is told where it is used.
     let found = FinishedRun::open(path, &[]).and_then(|run| run.differences());
     for difference in found.unwrap_or_default() {
-        output::note(format!(
-            "{}: {difference}: what follows is not what this run was made of",
-            path.display()
-        ));
+        output::note(format!("{}: {difference}: what follows is not what this run was made of", path.display()));
     }
 }
 
@@ -82,30 +76,20 @@ fn command_line(verb: &str, task: &str, common: &Common) -> String {
     let mut words = vec!["stridemap".to_owned(), verb.into(), task.into()];
     words.push(format!("--seed {}", common.seed));
     if let Some(robot) = common.robot {
-        words.push(format!(
-            "--robot {}",
-            stridemap_lab::RobotChoice::from(robot).name()
-        ));
+        words.push(format!("--robot {}", stridemap_lab::RobotChoice::from(robot).name()));
     }
     words.extend(common.sets.iter().map(|set| format!("--set {set}")));
     words.join(" ")
 }
 
-fn provenance(
-    verb: &str,
-    name: &str,
-    loaded: &LoadedTask,
-    common: &Common,
-) -> Result<Provenance, Failure> {
+fn provenance(verb: &str, name: &str, loaded: &LoadedTask, common: &Common) -> Result<Provenance, Failure> {
     let command = command_line(verb, name, common);
     let (task, seed) = (&loaded.task, common.seed);
     Ok(Provenance {
         asked: loaded.file.clone().map(|file| Asked {
             file,
             sets: common.sets.clone(),
-            robot: common
-                .robot
-                .map(|robot| RobotChoice::from(robot).name().into()),
+            robot: common.robot.map(|robot| RobotChoice::from(robot).name().into()),
         }),
         ..provenance_of(task, seed, crate::GIT_REVISION, command)?
     })
@@ -116,10 +100,7 @@ fn say_edited(run: &FinishedRun) {
     let Some(asked) = &run.provenance.asked else {
         return;
     };
-    let robot = asked
-        .robot
-        .as_ref()
-        .and_then(|name| RobotName::from_str(name, false).ok());
+    let robot = asked.robot.as_ref().and_then(|name| RobotName::from_str(name, false).ok());
     let edited = builtin::load_file(&asked.file, &asked.sets)
         .and_then(|loaded| loaded.on(robot.map(Into::into), run.provenance.seed))
         .and_then(|mut loaded| {

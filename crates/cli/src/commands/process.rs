@@ -42,9 +42,9 @@ impl Process {
         let me = std::env::current_exe().map_err(working)?;
         let stderr = match told {
             None => Stdio::inherit(),
-            Some(path) => File::create(path)
-                .map_err(|e| working(format!("{}: cannot be written: {e}", path.display())))?
-                .into(),
+            Some(path) => {
+                File::create(path).map_err(|e| working(format!("{}: cannot be written: {e}", path.display())))?.into()
+            }
         };
         let child = Command::new(me)
             .args(arguments)
@@ -56,10 +56,7 @@ impl Process {
             .stderr(stderr)
             .spawn()
             .map_err(|e| working(format!("cannot start a process: {e}")))?;
-        Ok(Self {
-            child,
-            told: told.map(Path::to_path_buf),
-        })
+        Ok(Self { child, told: told.map(Path::to_path_buf) })
     }
 
     /// Its process id.
@@ -80,10 +77,7 @@ impl Process {
 
     /// Kills it as `kill -9` does.
     pub fn kill(&mut self) -> Result<(), Failure> {
-        self.child
-            .kill()
-            .and_then(|()| self.child.wait().map(|_| ()))
-            .map_err(working)
+        self.child.kill().and_then(|()| self.child.wait().map(|_| ())).map_err(working)
     }
 
     /// How it ended, if it did.

@@ -5,19 +5,14 @@ use std::path::{Path, PathBuf};
 
 use stridemap_record::Run;
 use stridemap_record::files::lock;
-use stridemap_report::{
-    RERUN_STREAM, comparison, view_lines, write_figures, write_mcap, write_report,
-};
+use stridemap_report::{RERUN_STREAM, comparison, view_lines, write_figures, write_mcap, write_report};
 
 use crate::failure::Failure;
 use crate::output;
 
 fn read(path: &Path) -> Result<Run, Failure> {
     if !path.join("config.toml").exists() {
-        return Err(Failure::request(format!(
-            "{}: holds no run (there is no config.toml in it)",
-            path.display()
-        )));
+        return Err(Failure::request(format!("{}: holds no run (there is no config.toml in it)", path.display())));
     }
     Ok(Run::read(path)?)
 }
@@ -50,10 +45,7 @@ fn side_by_side(runs: &[Run], page: &Path) -> Result<(), Failure> {
 
 /// Draws the page over the runs of several seeds into a directory of its own; returns the page's path.
 pub fn draw_seeds(paths: &[PathBuf], dir: &Path) -> Result<PathBuf, Failure> {
-    let runs = paths
-        .iter()
-        .map(|path| read(path))
-        .collect::<Result<Vec<_>, _>>()?;
+    let runs = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
     let page = dir.join("report.html");
     stridemap_record::files::create_dir(dir)?;
     side_by_side(&runs, &page)?;
@@ -65,10 +57,7 @@ pub fn report(paths: &[PathBuf], out: Option<&Path>) -> Result<(), Failure> {
     let page = match (paths, out) {
         ([path], None) => draw(path)?,
         _ => {
-            let runs = paths
-                .iter()
-                .map(|path| read(path))
-                .collect::<Result<Vec<_>, _>>()?;
+            let runs = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
             let page = out.map_or_else(|| paths[0].join("comparison.html"), Path::to_path_buf);
             side_by_side(&runs, &page)?;
             page
@@ -101,10 +90,7 @@ pub fn view(path: &Path, out: Option<&Path>, no_open: bool) -> Result<(), Failur
 fn stream(run: &Run) -> Result<(), String> {
     use std::process::{Command, Stdio};
     let python = std::env::var("STRIDEMAP_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let has = Command::new(&python)
-        .args(["-c", "import rerun"])
-        .stderr(Stdio::null())
-        .status();
+    let has = Command::new(&python).args(["-c", "import rerun"]).stderr(Stdio::null()).status();
     if !has.is_ok_and(|status| status.success()) {
         return Err(format!("{python} has no package `rerun`"));
     }
@@ -121,9 +107,5 @@ fn stream(run: &Run) -> Result<(), String> {
     };
     let ended = child.wait().map_err(|e| e.to_string())?;
     written.map_err(|e| e.to_string())?;
-    if ended.success() {
-        Ok(())
-    } else {
-        Err("its viewer could not be reached".to_owned())
-    }
+    if ended.success() { Ok(()) } else { Err("its viewer could not be reached".to_owned()) }
 }

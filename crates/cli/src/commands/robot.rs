@@ -31,11 +31,7 @@ impl From<LinkError> for Failure {
 }
 
 fn link_of(network: &Network) -> Ros2Config {
-    Ros2Config {
-        domain: network.domain,
-        interface: network.interface.clone(),
-        ..Ros2Config::default()
-    }
+    Ros2Config { domain: network.domain, interface: network.interface.clone(), ..Ros2Config::default() }
 }
 
 /// Simulates the small humanoid behind ROS 2 until it is stopped.
@@ -47,16 +43,9 @@ pub fn robot(
     seconds: Option<f64>,
     network: &Network,
 ) -> Result<(), Failure> {
-    let choice = if ideal {
-        RobotChoice::Op3Ideal
-    } else {
-        RobotChoice::Op3
-    };
+    let choice = if ideal { RobotChoice::Op3Ideal } else { RobotChoice::Op3 };
     let task = builtin::load(TASK, &[])?.on(Some(choice), seed)?.task;
-    let config = MujocoConfig {
-        control_period_s: 1.0 / rate,
-        ..task.robot
-    };
+    let config = MujocoConfig { control_period_s: 1.0 / rate, ..task.robot };
     config.validate().map_err(stridemap_lab::LabError::from)?;
     let mut machine = SimulatedMachine::new(&config).map_err(stridemap_lab::LabError::from)?;
     let joints = &machine.robot().description().joints;
@@ -122,9 +111,7 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     let network = domain.to_string();
     let robot = ["robot", "op3", "--domain", network.as_str()].map(ToOwned::to_owned);
     let mut child = Process::start(&robot, None)?;
-    let mut task = builtin::load(TASK, &[])?
-        .on(Some(RobotChoice::Ros2), 1)?
-        .task;
+    let mut task = builtin::load(TASK, &[])?.on(Some(RobotChoice::Ros2), 1)?.task;
     if let Some(link) = &mut task.link {
         link.domain = domain;
     }
@@ -141,18 +128,14 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     };
     let mut plant = plant(&task, &common, &Purpose::Collect, None)?;
     let mut rng = stream(1, Role::Run, 0);
-    plant
-        .reset(&mut rng)
-        .map_err(stridemap_lab::LabError::from)?;
+    plant.reset(&mut rng).map_err(stridemap_lab::LabError::from)?;
     let started = std::time::Instant::now();
     let (child_id, before) = (child.id().to_string(), cpu_s("self"));
     let child_before = cpu_s(&child_id);
     let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
     let (mut strides, mut broken) = (0, None);
     while started.elapsed().as_secs_f64() < seconds {
-        let stride = plant
-            .stride(&neutral, &mut rng)
-            .map_err(stridemap_lab::LabError::from)?;
+        let stride = plant.stride(&neutral, &mut rng).map_err(stridemap_lab::LabError::from)?;
         if stride.end != StrideEnd::Crossing {
             broken = Some(Failure::working(format!(
                 "stride {} ended as {:?}: the bench lasted {:.1} of {seconds} s",
@@ -174,13 +157,8 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     if let Some(mut stdout) = child.stdout() {
         let _ = std::io::Read::read_to_string(&mut stdout, &mut report);
     }
-    let shown = LinkBench {
-        seconds: elapsed,
-        robot: serde_json::from_str(&report)?,
-        robot_cpu,
-        controller_cpu,
-        strides,
-    };
+    let shown =
+        LinkBench { seconds: elapsed, robot: serde_json::from_str(&report)?, robot_cpu, controller_cpu, strides };
     if json {
         output::json(&shown)?;
         return broken.map_or(Ok(()), Err);

@@ -35,10 +35,7 @@ pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
             output::line(format!("{mark}  {:<13} {}", item.what, item.found));
         }
         for g in &report.gains {
-            output::line(format!(
-                "      d next {} / d {} = {:+.3} +- {:.3}",
-                g.state, g.action, g.gain, g.std_error
-            ));
+            output::line(format!("      d next {} / d {} = {:+.3} +- {:.3}", g.state, g.action, g.gain, g.std_error));
         }
     }
     if let Some(refused) = report.refused {
@@ -50,9 +47,7 @@ pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
         }
         Ok(())
     } else {
-        Err(Failure::working(format!(
-            "{name} cannot work yet: see what FAILs above"
-        )))
+        Err(Failure::working(format!("{name} cannot work yet: see what FAILs above")))
     }
 }
 
@@ -63,15 +58,9 @@ const TEMPLATE: &str = include_str!("../../templates/my-robot.toml");
 pub fn init(file: Option<&Path>) -> Result<(), Failure> {
     let path = file.unwrap_or(Path::new("my-robot.toml"));
     if path.exists() {
-        return Err(Failure::request(format!(
-            "{} exists; choose another name or remove it",
-            path.display()
-        )));
+        return Err(Failure::request(format!("{} exists; choose another name or remove it", path.display())));
     }
     files::write_whole(path, TEMPLATE.as_bytes())?;
-    output::line(format!(
-        "wrote {0}\n  edit it, then: stridemap check {0}, and stridemap learn {0}",
-        path.display()
-    ));
+    output::line(format!("wrote {0}\n  edit it, then: stridemap check {0}, and stridemap learn {0}", path.display()));
     Ok(())
 }

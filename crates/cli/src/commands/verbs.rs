@@ -25,9 +25,7 @@ use crate::stop::stop_flag;
 pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
     if task_or_run.join("config.toml").exists() {
         if out.is_some() || !common.sets.is_empty() {
-            return Err(Failure::request(
-                "a run goes on in its own directory with its own task",
-            ));
+            return Err(Failure::request("a run goes on in its own directory with its own task"));
         }
         let mut run = FinishedRun::open(task_or_run, &[])?;
         in_network(&mut run.task, common)?;
@@ -41,14 +39,8 @@ pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Resul
     let record = provenance("collect", name, &loaded, common)?;
     let watcher = Box::new(RunProgress::new(task));
     let mut directory = RunDirectory::create(&path, task, &record, stop_flag(), watcher)?;
-    let mut algorithm = linked::algorithm(
-        task,
-        common.seed,
-        Progress::default(),
-        common,
-        &Purpose::Collect,
-        Some(&path),
-    )?;
+    let mut algorithm =
+        linked::algorithm(task, common.seed, Progress::default(), common, &Purpose::Collect, Some(&path))?;
     algorithm.collect(&mut directory)?;
     show_batch(task, &algorithm, &mut directory, common.json)
 }
@@ -56,10 +48,7 @@ pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Resul
 /// The name of a task; a file of a task is named by text.
 pub fn text(name: &Path) -> Result<&str, Failure> {
     name.to_str().ok_or_else(|| {
-        Failure::request(format!(
-            "{}: holds no run, and a task is named by text (UTF-8)",
-            name.display()
-        ))
+        Failure::request(format!("{}: holds no run, and a task is named by text (UTF-8)", name.display()))
     })
 }
 
@@ -76,14 +65,8 @@ fn next_batch(run: &FinishedRun, common: &Common) -> Result<(), Failure> {
     if learns && progress.final_performance.is_some() {
         return refuse("the run is finished, and its final policy measured; start another");
     }
-    let mut algorithm = linked::algorithm(
-        &run.task,
-        run.provenance.seed,
-        progress,
-        common,
-        &Purpose::Collect,
-        Some(&run.path),
-    )?;
+    let mut algorithm =
+        linked::algorithm(&run.task, run.provenance.seed, progress, common, &Purpose::Collect, Some(&run.path))?;
     directory.goes_on()?;
     if learns && !algorithm.catch_up(&mut directory)? {
         return Err(Failure::working(format!(
@@ -103,18 +86,11 @@ struct BatchShown {
     performance: Performance,
 }
 
-fn show_batch(
-    task: &Task,
-    algorithm: &Algorithm<'_>,
-    directory: &mut RunDirectory,
-    json: bool,
-) -> Result<(), Failure> {
+fn show_batch(task: &Task, algorithm: &Algorithm<'_>, directory: &mut RunDirectory, json: bool) -> Result<(), Failure> {
     directory.write_summary(&algorithm.progress)?;
     let progress = &algorithm.progress;
     let iteration = progress.iterations.len();
-    let first = progress
-        .transitions
-        .partition_point(|t| t.iteration < iteration);
+    let first = progress.transitions.partition_point(|t| t.iteration < iteration);
     let batch = &progress.transitions[first..];
     let shown = BatchShown {
         run: directory.path().display().to_string(),
@@ -155,20 +131,14 @@ pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Re
         let iteration = run.progress.iterations.len();
         let seed = run.provenance.seed;
         let map = fit_said(&run.task, &run.progress.transitions, seed, iteration)?;
-        (
-            map,
-            iteration,
-            into_run.then(|| source.join(format!("map/{iteration}.json"))),
-        )
+        (map, iteration, into_run.then(|| source.join(format!("map/{iteration}.json"))))
     } else {
         let task = builtin::load(task, &common.sets)?.task;
         let table = Columns::new(&task.process_spec()?);
         let transitions = table.read(source, Rows::All)?;
         (fit_said(&task, &transitions, common.seed, 1)?, 1, None)
     };
-    let saved = map
-        .to_saved(iteration)
-        .map_err(stridemap_lab::LabError::from)?;
+    let saved = map.to_saved(iteration).map_err(stridemap_lab::LabError::from)?;
     if let Some(path) = out.map(Path::to_path_buf).or(default_out) {
         files::write_json(&path, &saved)?;
         output::note(format!("wrote {}", path.display()));
@@ -177,20 +147,14 @@ pub fn fit(source: &Path, task: &str, out: Option<&Path>, common: &Common) -> Re
 }
 
 /// Fits a map; says beforehand how long a large one takes, and refuses one for which there is no memory.
-fn fit_said(
-    task: &Task,
-    transitions: &[Transition],
-    seed: u64,
-    iteration: usize,
-) -> Result<LearnedMap, Failure> {
+fn fit_said(task: &Task, transitions: &[Transition], seed: u64, iteration: usize) -> Result<LearnedMap, Failure> {
     /// Strides beyond which a fit takes longer than one likes to wait without a word.
     const LARGE: usize = 1500;
     /// Strides by which the time is measured.
     const SAMPLE: usize = 500;
     let in_place = InPlace::default(); // A map alone is asked for no falls.
     let strides = transitions.len();
-    stridemap_gp::check_memory(strides, task.state.len() + 1)
-        .map_err(|error| Failure::request(error.to_string()))?;
+    stridemap_gp::check_memory(strides, task.state.len() + 1).map_err(|error| Failure::request(error.to_string()))?;
     if strides > LARGE {
         let started = Instant::now();
         let sample = fit_map(task, &transitions[..SAMPLE], &in_place, seed, iteration);
@@ -244,10 +208,7 @@ pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
     let (mut directory, progress) = RunDirectory::resume(&run, stop_flag(), watcher)?;
     let simulated = linked::here(&run.task);
     let mut algorithm = Algorithm::resume(&simulated, run.provenance.seed, progress)?;
-    let (policies, iterations) = (
-        algorithm.progress.policies.len(),
-        algorithm.progress.iterations.len(),
-    );
+    let (policies, iterations) = (algorithm.progress.policies.len(), algorithm.progress.iterations.len());
     if policies == iterations {
         return Err(Failure::request(format!(
             "{}: nothing new to learn from; `stridemap collect` a batch first",
@@ -258,10 +219,7 @@ pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
     let map = algorithm.fit(&mut directory)?;
     algorithm.improve(&map, &mut directory)?;
     let summary = directory.write_summary(&algorithm.progress)?;
-    directory.event(
-        "verb",
-        serde_json::json!({ "verb": "improve", "phase": Phase::Improve }),
-    )?;
+    directory.event("verb", serde_json::json!({ "verb": "improve", "phase": Phase::Improve }))?;
     if json {
         return output::json(&summary);
     }

@@ -30,8 +30,8 @@ use pulp::{Arch, Simd, WithSimd};
 use super::SparseMethod;
 use crate::aligned::Aligned;
 use crate::dense::{
-    BackwardSolve, DenseScratch, ForwardSolve, add_outer, add_product_transposed, cholesky,
-    inverse_from_factor, mirror, product, solve_lower, triangular_inverse,
+    BackwardSolve, DenseScratch, ForwardSolve, add_outer, add_product_transposed, cholesky, inverse_from_factor,
+    mirror, product, solve_lower, triangular_inverse,
 };
 use crate::evidence::{Fill, LOG_2_PI};
 use crate::gp::dot;
@@ -85,14 +85,7 @@ pub(crate) struct Bound {
 
 impl Bound {
     /// Evidence of `y` at row-major inputs `x` in the frame, with `m` inducing inputs.
-    pub(crate) fn new(
-        kernel: Kernel,
-        method: SparseMethod,
-        x: Vec<f64>,
-        dims: usize,
-        y: Vec<f64>,
-        m: usize,
-    ) -> Self {
+    pub(crate) fn new(kernel: Kernel, method: SparseMethod, x: Vec<f64>, dims: usize, y: Vec<f64>, m: usize) -> Self {
         let (n, stride) = (y.len(), padded(m));
         let square = || Aligned::zeros(stride * stride.max(CHUNK.min(n)));
         Self {
@@ -146,12 +139,7 @@ impl Bound {
 
     /// `F`; `scales` are length scales in the frame, `inducing` row-major in the frame.
     /// `None` if a matrix is not positive definite.
-    pub(crate) fn value(
-        &mut self,
-        h: &Hyperparameters,
-        scales: &[f64],
-        inducing: &[f64],
-    ) -> Option<f64> {
+    pub(crate) fn value(&mut self, h: &Hyperparameters, scales: &[f64], inducing: &[f64]) -> Option<f64> {
         let (n, m, stride) = (self.n, self.m, self.stride);
         self.scales.copy_from_slice(scales);
         (self.signal_variance, self.noise_variance) = (h.signal_variance, h.noise_variance);
@@ -195,11 +183,7 @@ impl Bound {
             }));
             solve_lower(&self.factor, a, m, stride, last - first);
             let weighted = &mut self.work[0][..(last - first) * stride];
-            for (i, (a, weighted)) in a
-                .chunks_exact(stride)
-                .zip(weighted.chunks_exact_mut(stride))
-                .enumerate()
-            {
+            for (i, (a, weighted)) in a.chunks_exact(stride).zip(weighted.chunks_exact_mut(stride)).enumerate() {
                 let y = self.y[first + i];
                 let rest = h.signal_variance - dot(a, a);
                 self.trace += rest;
@@ -224,26 +208,15 @@ impl Bound {
         }
         cholesky(b, m, stride, &mut self.scratch).ok()?;
         let half_log_det: f64 = (0..m).map(|i| b[i * stride + i].ln()).sum();
-        self.arch.dispatch(ForwardSolve {
-            factor: b,
-            n: m,
-            stride,
-            b: &mut self.beta,
-        });
+        self.arch.dispatch(ForwardSolve { factor: b, n: m, stride, b: &mut self.beta });
         let explained = dot(&self.beta, &self.beta);
-        self.arch.dispatch(BackwardSolve {
-            factor: b,
-            n: m,
-            stride,
-            b: &mut self.beta,
-        });
+        self.arch.dispatch(BackwardSolve { factor: b, n: m, stride, b: &mut self.beta });
         let penalty = match self.method {
             SparseMethod::Vfe => 0.5 * self.trace / noise,
             SparseMethod::Fitc => 0.0,
         };
-        let value = -0.5 * n as f64 * LOG_2_PI - 0.5 * log_lambda - half_log_det - 0.5 * fit
-            + 0.5 * explained
-            - penalty;
+        let value =
+            -0.5 * n as f64 * LOG_2_PI - 0.5 * log_lambda - half_log_det - 0.5 * fit + 0.5 * explained - penalty;
         value.is_finite().then_some(value)
     }
 
@@ -270,21 +243,12 @@ impl Bound {
                 let at = j * stride + i;
                 let identity = if i == j { 1.0 } else { 0.0 };
                 adjoint[at] = inverse_b[at] - identity + self.beta[i] * self.beta[j];
-                middle[at] = if vfe {
-                    identity - inverse_b[at]
-                } else {
-                    -inverse_b[at]
-                };
+                middle[at] = if vfe { identity - inverse_b[at] } else { -inverse_b[at] };
             }
         }
         product(left, &transposed, &middle, m, stride, m, false);
         let mut weights = self.beta.clone();
-        self.arch.dispatch(BackwardSolve {
-            factor: &self.factor,
-            n: m,
-            stride,
-            b: &mut weights,
-        });
+        self.arch.dispatch(BackwardSolve { factor: &self.factor, n: m, stride, b: &mut weights });
 
         let mut sums = CrossSums::new(stride, dims);
         let (mut by_lambda, mut energy) = (0.0, Aligned::zeros(stride * stride));
@@ -303,11 +267,7 @@ impl Bound {
                 let lambda = self.lambda[first + i];
                 let residual = self.y[first + i] - dot(column, &self.beta);
                 residuals[i] = residual / lambda;
-                let spread = if vfe {
-                    0.0
-                } else {
-                    dot(column, &work[i * stride..(i + 1) * stride])
-                };
+                let spread = if vfe { 0.0 } else { dot(column, &work[i * stride..(i + 1) * stride]) };
                 let slope = 0.5 * (spread + residual * residual - lambda) / (lambda * lambda);
                 by_lambda += slope;
                 let scale = if vfe { 1.0 / noise } else { 1.0 / lambda };
@@ -360,10 +320,7 @@ impl Bound {
         let points = n as f64;
         let signal = self.signal_variance;
         let (direct, by_noise) = if vfe {
-            (
-                -0.5 * points / noise,
-                by_lambda + 0.5 * self.trace / (noise * noise),
-            )
+            (-0.5 * points / noise, by_lambda + 0.5 * self.trace / (noise * noise))
         } else {
             (by_lambda, by_lambda)
         };
@@ -380,8 +337,7 @@ impl Bound {
                 total += z[i] * (z[i] * q - 2.0 * s);
                 let mut by_z = s - z[i] * q;
                 for j in 0..m {
-                    let weight =
-                        -0.5 * by_uu[j * stride + i] * symmetric(&self.slopes_uu, i, j, stride);
+                    let weight = -0.5 * by_uu[j * stride + i] * symmetric(&self.slopes_uu, i, j, stride);
                     let difference = z[i] - z[j];
                     total += weight * difference * difference;
                     by_z -= 2.0 * weight * difference;
@@ -425,11 +381,7 @@ struct CrossSums {
 
 impl CrossSums {
     fn new(stride: usize, dims: usize) -> Self {
-        Self {
-            zeroth: Aligned::zeros(stride),
-            first: Aligned::zeros(dims * stride),
-            second: vec![0.0; dims],
-        }
+        Self { zeroth: Aligned::zeros(stride), first: Aligned::zeros(dims * stride), second: vec![0.0; dims] }
     }
 }
 
@@ -450,21 +402,9 @@ impl<P: Profile> WithSimd for Cross<'_, P> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self {
-            profile,
-            signal_variance,
-            z,
-            m,
-            stride,
-            x,
-            scales,
-            covariance,
-            slopes,
-        } = self;
+        let Self { profile, signal_variance, z, m, stride, x, scales, covariance, slopes } = self;
         let scale = simd.splat_f64s(signal_variance);
-        let columns = covariance
-            .chunks_exact_mut(stride)
-            .zip(slopes.chunks_exact_mut(stride));
+        let columns = covariance.chunks_exact_mut(stride).zip(slopes.chunks_exact_mut(stride));
         for (x, (covariance, slopes)) in x.chunks_exact(scales.len()).zip(columns) {
             {
                 let (k, _) = S::as_mut_simd_f64s(covariance);
@@ -505,23 +445,10 @@ impl WithSimd for CrossGradient<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self {
-            stride,
-            dims,
-            by_cross,
-            slopes,
-            weights,
-            residuals,
-            x,
-            scales,
-            sums,
-        } = self;
+        let Self { stride, dims, by_cross, slopes, weights, residuals, x, scales, sums } = self;
         let (weights, _) = S::as_simd_f64s(weights);
-        let columns = by_cross
-            .chunks_exact(stride)
-            .zip(slopes.chunks_exact(stride));
-        for ((x, residual), (by_cross, slopes)) in x.chunks_exact(dims).zip(residuals).zip(columns)
-        {
+        let columns = by_cross.chunks_exact(stride).zip(slopes.chunks_exact(stride));
+        for ((x, residual), (by_cross, slopes)) in x.chunks_exact(dims).zip(residuals).zip(columns) {
             let (g, _) = S::as_simd_f64s(by_cross);
             let (h, _) = S::as_simd_f64s(slopes);
             let (zeroth, _) = S::as_mut_simd_f64s(&mut sums.zeroth);
@@ -532,8 +459,7 @@ impl WithSimd for CrossGradient<'_> {
                 zeroth[v] = simd.add_f64s(zeroth[v], q);
                 total = simd.add_f64s(total, q);
                 for d in 0..dims {
-                    let (first, _) =
-                        S::as_mut_simd_f64s(&mut sums.first[d * stride..(d + 1) * stride]);
+                    let (first, _) = S::as_mut_simd_f64s(&mut sums.first[d * stride..(d + 1) * stride]);
                     first[v] = simd.mul_add_e_f64s(q, simd.splat_f64s(x[d] / scales[d]), first[v]);
                 }
             }
@@ -555,21 +481,10 @@ mod tests {
     #[test]
     fn gradient_agrees_with_central_differences() {
         let (n, m, dims) = (60, 7, 2);
-        let x: Vec<f64> = (0..n * dims)
-            .map(|i| 1.5 * ((i * i * 5 + i) as f64).sin())
-            .collect();
-        let y: Vec<f64> = x
-            .chunks_exact(dims)
-            .map(|x| (2.0 * x[0]).sin() + 0.3 * x[1])
-            .collect();
-        let inducing: Vec<f64> = (0..m * dims)
-            .map(|i| 1.4 * (i as f64 * 2.7).cos())
-            .collect();
-        for kernel in [
-            Kernel::SquaredExponential,
-            Kernel::Matern32,
-            Kernel::Matern52,
-        ] {
+        let x: Vec<f64> = (0..n * dims).map(|i| 1.5 * ((i * i * 5 + i) as f64).sin()).collect();
+        let y: Vec<f64> = x.chunks_exact(dims).map(|x| (2.0 * x[0]).sin() + 0.3 * x[1]).collect();
+        let inducing: Vec<f64> = (0..m * dims).map(|i| 1.4 * (i as f64 * 2.7).cos()).collect();
+        for kernel in [Kernel::SquaredExponential, Kernel::Matern32, Kernel::Matern52] {
             for method in [SparseMethod::Vfe, SparseMethod::Fitc] {
                 let mut bound = Bound::new(kernel, method, x.clone(), dims, y.clone(), m);
                 let mut theta = vec![0.2, -2.0, -0.3, 0.1];

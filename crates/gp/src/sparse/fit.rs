@@ -49,12 +49,7 @@ impl SparseGp {
     /// assert!((gp.predict(&[2.0])?.mean - 2.0_f64.sin()).abs() < 1e-3);
     /// # Ok::<(), stridemap_gp::GpError>(())
     /// ```
-    pub fn fit<R: Rng + ?Sized>(
-        points: Points<'_>,
-        y: &[f64],
-        options: &SparseOptions,
-        rng: &mut R,
-    ) -> Result<Self> {
+    pub fn fit<R: Rng + ?Sized>(points: Points<'_>, y: &[f64], options: &SparseOptions, rng: &mut R) -> Result<Self> {
         check_data(points, y)?;
         let (n, dims, m) = (points.len(), points.dims(), options.inducing);
         if m == 0 {
@@ -62,11 +57,7 @@ impl SparseGp {
         }
         if m > n {
             let what = "inducing (at most the points)";
-            return Err(GpError::Shape {
-                what,
-                expected: n,
-                found: m,
-            });
+            return Err(GpError::Shape { what, expected: n, found: m });
         }
         if options.fit.mean != Mean::Zero {
             let (model, feature) = ("a sparse Gaussian process", "mean other than zero");
@@ -79,10 +70,7 @@ impl SparseGp {
         let x = in_frame(points.values(), &frame);
         let mut chosen = index::sample(rng, n, m).into_vec();
         chosen.sort_unstable();
-        let inducing: Vec<f64> = chosen
-            .iter()
-            .flat_map(|&i| x[i * dims..(i + 1) * dims].to_vec())
-            .collect();
+        let inducing: Vec<f64> = chosen.iter().flat_map(|&i| x[i * dims..(i + 1) * dims].to_vec()).collect();
 
         let mut search = Search {
             bound: Bound::new(options.fit.kernel, options.method, x, dims, targets, m),
@@ -106,22 +94,12 @@ impl SparseGp {
         };
         let outcome = minimize(&mut search, &start, &limits);
         if outcome.stop == Stop::BadStart {
-            return Err(GpError::NoStartSucceeded {
-                starts: 1,
-                points: n,
-            });
+            return Err(GpError::NoStartSucceeded { starts: 1, points: n });
         }
         let (theta, moved) = outcome.theta.split_at(2 + dims);
-        let moved = if options.optimize_inducing {
-            moved
-        } else {
-            &inducing
-        };
-        let user: Vec<f64> = moved
-            .iter()
-            .enumerate()
-            .map(|(i, u)| u * frame.spread_or_one(i % dims) + frame.centre[i % dims])
-            .collect();
+        let moved = if options.optimize_inducing { moved } else { &inducing };
+        let user: Vec<f64> =
+            moved.iter().enumerate().map(|(i, u)| u * frame.spread_or_one(i % dims) + frame.centre[i % dims]).collect();
         let h = Hyperparameters::from_log(theta);
         let mut gp = Self::from_bound(&mut search.bound, h, user, resolved.offset, &frame)?;
         gp.report = Some(FitReport {
@@ -152,9 +130,7 @@ impl Objective for Search<'_> {
     fn value(&mut self, theta: &[f64]) -> Option<f64> {
         let dims = self.frame.centre.len();
         let h = Hyperparameters::from_log(&theta[..2 + dims]);
-        let scales: Vec<f64> = (0..dims)
-            .map(|d| h.length_scales[d] / self.frame.spread_or_one(d))
-            .collect();
+        let scales: Vec<f64> = (0..dims).map(|d| h.length_scales[d] / self.frame.spread_or_one(d)).collect();
         self.last.clear();
         self.last.extend_from_slice(&theta[..2 + dims]);
         let inducing = self.fixed.as_deref().unwrap_or(&theta[2 + dims..]);

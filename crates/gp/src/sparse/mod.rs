@@ -60,10 +60,7 @@ pub struct SparseOptions {
 impl Default for SparseOptions {
     fn default() -> Self {
         Self {
-            fit: FitOptions {
-                tolerance_nats: 1e-3,
-                ..FitOptions::default()
-            },
+            fit: FitOptions { tolerance_nats: 1e-3, ..FitOptions::default() },
             method: SparseMethod::default(),
             inducing: 100,
             optimize_inducing: true,
@@ -146,21 +143,8 @@ impl SparseGp {
         check_memory(points.len(), inducing.len())?;
         let frame = Frame::of(points.values(), points.dims());
         let scaled = in_frame(points.values(), &frame);
-        let mut bound = Bound::new(
-            kernel,
-            method,
-            scaled,
-            points.dims(),
-            y.to_vec(),
-            inducing.len(),
-        );
-        Self::from_bound(
-            &mut bound,
-            hyperparameters,
-            inducing.values().to_vec(),
-            0.0,
-            &frame,
-        )
+        let mut bound = Bound::new(kernel, method, scaled, points.dims(), y.to_vec(), inducing.len());
+        Self::from_bound(&mut bound, hyperparameters, inducing.values().to_vec(), 0.0, &frame)
     }
 
     /// The model at given parameters, with the bound's memory.
@@ -174,11 +158,8 @@ impl SparseGp {
         let dims = frame.centre.len();
         hyperparameters.check(dims)?;
         let (m, n) = (inducing.len() / dims, bound.points());
-        let scales: Vec<f64> = (0..dims)
-            .map(|d| hyperparameters.length_scales[d] / frame.spread_or_one(d))
-            .collect();
-        let Some(value) = bound.value(&hyperparameters, &scales, &in_frame(&inducing, frame))
-        else {
+        let scales: Vec<f64> = (0..dims).map(|d| hyperparameters.length_scales[d] / frame.spread_or_one(d)).collect();
+        let Some(value) = bound.value(&hyperparameters, &scales, &in_frame(&inducing, frame)) else {
             return Err(GpError::NotPositiveDefinite {
                 points: n,
                 row: 0,
@@ -194,22 +175,13 @@ impl SparseGp {
         solve_lower(&bound.factor_b, &mut inverse, m, stride, m);
         let second = InverseFactor::from_column_major(&inverse, m, stride);
         let mut alpha = bound.beta.clone();
-        arch.dispatch(BackwardSolve {
-            factor: &bound.factor,
-            n: m,
-            stride,
-            b: &mut alpha,
-        });
+        arch.dispatch(BackwardSolve { factor: &bound.factor, n: m, stride, b: &mut alpha });
         check_finite("weights of the inducing inputs", &alpha, 1)?;
         let mut this = Self {
             arch,
             kernel: bound.kernel(),
             method: bound.method(),
-            inverse_scales: hyperparameters
-                .length_scales
-                .iter()
-                .map(|l| 1.0 / l)
-                .collect(),
+            inverse_scales: hyperparameters.length_scales.iter().map(|l| 1.0 / l).collect(),
             hyperparameters,
             offset,
             points: n,
@@ -231,8 +203,7 @@ impl SparseGp {
     fn scale_inducing(&mut self) {
         for (i, row) in self.inducing.chunks_exact(self.dims).enumerate() {
             for d in 0..self.dims {
-                self.z[d * self.stride + i] =
-                    ((row[d] - self.centre[d]) * self.inverse_scales[d]).clamp(-FAR, FAR);
+                self.z[d * self.stride + i] = ((row[d] - self.centre[d]) * self.inverse_scales[d]).clamp(-FAR, FAR);
             }
         }
     }
@@ -273,11 +244,7 @@ impl SparseGp {
     ) -> Result<()> {
         check_len("columns of points", self.dims, points.dims())?;
         check_len("length of mean", points.len(), mean.len())?;
-        check_len(
-            "length of latent_variance",
-            points.len(),
-            latent_variance.len(),
-        )?;
+        check_len("length of latent_variance", points.len(), latent_variance.len())?;
         let buffer = scratch.take(self.stride + self.dims);
         for (i, x) in points.rows().enumerate() {
             let at = self.moments(x, buffer).map_err(|error| at_row(error, i))?;
@@ -313,15 +280,10 @@ impl SparseGp {
             self.arch.dispatch(Moments { profile, gp: self, z, k })
         });
         // As in exact regression: rounding becomes zero, anything worse is refused.
-        if !(variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance)
-            || variance.is_infinite()
-        {
+        if !(variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance) || variance.is_infinite() {
             return Err(GpError::Variance { row: 0, variance });
         }
-        Ok(Prediction {
-            mean: mean + self.offset,
-            latent_variance: variance.max(0.0),
-        })
+        Ok(Prediction { mean: mean + self.offset, latent_variance: variance.max(0.0) })
     }
 
     /// Covariance function.
@@ -398,10 +360,7 @@ fn check_memory(points: usize, inducing: usize) -> Result<()> {
 /// Row-major inputs, centred and in spreads.
 fn in_frame(x: &[f64], frame: &Frame) -> Vec<f64> {
     let dims = frame.centre.len();
-    x.iter()
-        .enumerate()
-        .map(|(i, x)| (x - frame.centre[i % dims]) / frame.spread_or_one(i % dims))
-        .collect()
+    x.iter().enumerate().map(|(i, x)| (x - frame.centre[i % dims]) / frame.spread_or_one(i % dims)).collect()
 }
 
 /// Mean and variance at a scaled input.
@@ -419,23 +378,10 @@ impl<P: Profile> WithSimd for Moments<'_, P> {
         let Self { profile, gp, z, k } = self;
         let signal_variance = gp.hyperparameters.signal_variance;
         let (stride, points, weights) = (gp.stride, &gp.z[..], &gp.alpha[..]);
-        let mean = CrossCovariance {
-            profile,
-            signal_variance,
-            stride,
-            points,
-            weights,
-            z,
-            k,
-        }
-        .with_simd(simd);
+        let mean = CrossCovariance { profile, signal_variance, stride, points, weights, z, k }.with_simd(simd);
         let [prior, posterior] = &gp.factors;
         let explained = NormSquared { factor: prior, k }.with_simd(simd);
-        let returned = NormSquared {
-            factor: posterior,
-            k,
-        }
-        .with_simd(simd);
+        let returned = NormSquared { factor: posterior, k }.with_simd(simd);
         (mean, signal_variance - explained + returned)
     }
 }

@@ -40,21 +40,9 @@ impl SavedSparseGp {
         let h = &self.hyperparameters;
         let scalars = [h.signal_variance, h.noise_variance, self.offset, self.bound];
         let [first, second] = &self.factors;
-        let vectors = h
-            .length_scales
-            .iter()
-            .chain(&self.centre)
-            .chain(&self.weights);
-        let numbers = scalars
-            .iter()
-            .chain(vectors)
-            .chain(self.inducing.iter().flatten())
-            .chain(first)
-            .chain(second);
-        digest_of(
-            [self.kernel as u64, self.method as u64, self.points as u64],
-            numbers,
-        )
+        let vectors = h.length_scales.iter().chain(&self.centre).chain(&self.weights);
+        let numbers = scalars.iter().chain(vectors).chain(self.inducing.iter().flatten()).chain(first).chain(second);
+        digest_of([self.kernel as u64, self.method as u64, self.points as u64], numbers)
     }
 }
 
@@ -69,11 +57,7 @@ impl From<SparseGp> for SavedSparseGp {
             bound: gp.bound,
             offset: gp.offset,
             points: gp.points,
-            inducing: gp
-                .inducing
-                .chunks_exact(gp.dims)
-                .map(<[f64]>::to_vec)
-                .collect(),
+            inducing: gp.inducing.chunks_exact(gp.dims).map(<[f64]>::to_vec).collect(),
             weights: gp.alpha[..m].to_vec(),
             factors: gp.factors.map(|factor| factor.entries_slice().to_vec()),
             hyperparameters: gp.hyperparameters,
@@ -93,11 +77,7 @@ impl TryFrom<SavedSparseGp> for SparseGp {
         check_header(&saved.format, saved.version, FORMAT)?;
         let found = saved.digest();
         if found != saved.checksum {
-            return Err(GpError::Corrupt {
-                what: "checksum",
-                expected: saved.checksum,
-                found,
-            });
+            return Err(GpError::Corrupt { what: "checksum", expected: saved.checksum, found });
         }
         let dims = saved.hyperparameters.length_scales.len();
         saved.hyperparameters.check(dims)?;

@@ -15,11 +15,8 @@ struct Small<'a>(&'a Path);
 impl<'a> Small<'a> {
     /// Mounts it, where this user may.
     fn mount(dir: &'a Path, options: &str) -> Option<Self> {
-        let mounted = Command::new("mount")
-            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
-            .arg(dir)
-            .stderr(Stdio::null())
-            .status();
+        let mounted =
+            Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(dir).stderr(Stdio::null()).status();
         mounted.is_ok_and(|s| s.success()).then_some(Self(dir))
     }
 }
@@ -45,11 +42,7 @@ pub fn fill(program: &Program, dir: &Path, sizes: usize) -> Outcome<Found> {
         let own = dir.join(format!("{size}"));
         std::fs::create_dir(&own)?;
         let small = Small::mount(&own, &format!("size={size}k"));
-        let kind = if small.is_some() {
-            "tmpfs"
-        } else {
-            "RLIMIT_FSIZE"
-        };
+        let kind = if small.is_some() { "tmpfs" } else { "RLIMIT_FSIZE" };
         found.remark = format!("{kind}, 4 to {size} KiB");
         let end = if small.is_some() {
             program.run(&own, &begin)?
@@ -57,15 +50,8 @@ pub fn fill(program: &Program, dir: &Path, sizes: usize) -> Outcome<Found> {
             let limit = format!("ulimit -f {}; exec \"$@\"", size.div_ceil(8));
             let inner = program.command(&own, &begin);
             let mut shell = Command::new("bash");
-            shell
-                .args(["-c", &limit, "bash"])
-                .arg(inner.get_program())
-                .args(inner.get_args());
-            shell
-                .current_dir(&own)
-                .stdin(Stdio::null())
-                .stdout(Stdio::null())
-                .stderr(Stdio::piped());
+            shell.args(["-c", &limit, "bash"]).arg(inner.get_program()).args(inner.get_args());
+            shell.current_dir(&own).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
             ended(shell.spawn()?)?
         };
         found.done += 1;
@@ -80,25 +66,16 @@ pub fn fill(program: &Program, dir: &Path, sizes: usize) -> Outcome<Found> {
             fault(format!("the message names no file: {}", end.said));
         }
         if small.is_some() {
-            let grown = Command::new("mount")
-                .args(["-o", "remount,size=64m"])
-                .arg(&own)
-                .status()?;
+            let grown = Command::new("mount").args(["-o", "remount,size=64m"]).arg(&own).status()?;
             if !grown.success() {
                 return Err("cannot enlarge the disk".into());
             }
         }
         let has_run = own.join("run/config.toml").exists();
-        let words = if has_run {
-            &["learn", "--resume", "run"][..]
-        } else {
-            &begin
-        };
+        let words = if has_run { &["learn", "--resume", "run"][..] } else { &begin };
         let end = program.run(&own, words)?;
         if end.code == Some(0) {
-            differences(&own.join("run"), &whole.join("run"))?
-                .into_iter()
-                .for_each(fault);
+            differences(&own.join("run"), &whole.join("run"))?.into_iter().for_each(fault);
         } else {
             fault(format!("{words:?} refused: {}", end.said));
         }

@@ -52,8 +52,7 @@ impl Tally {
             if child.try_wait()?.is_some() {
                 let end = ended(child)?;
                 if end.code != Some(0) {
-                    self.faults
-                        .push(format!("refused or failed: {:?} {}", end.code, end.said));
+                    self.faults.push(format!("refused or failed: {:?} {}", end.code, end.said));
                 }
                 return Ok(true);
             }
@@ -66,13 +65,7 @@ impl Tally {
     }
 
     /// Throws a second command at a run, which lives or not.
-    fn throw(
-        &mut self,
-        program: &Program,
-        dir: &Path,
-        rng: &mut ChaCha8Rng,
-        live: Option<u32>,
-    ) -> Outcome<()> {
+    fn throw(&mut self, program: &Program, dir: &Path, rng: &mut ChaCha8Rng, live: Option<u32>) -> Outcome<()> {
         let words: &[&str] = [
             &["improve", "run"][..],
             &["collect", "run"],
@@ -95,8 +88,7 @@ impl Tally {
             }
             _ => program.run(dir, words)?,
         };
-        self.faults
-            .extend(end.fault().map(|fault| format!("{words:?}: {fault}")));
+        self.faults.extend(end.fault().map(|fault| format!("{words:?}: {fault}")));
         if let (Some(pid), true) = (live, writes) {
             let named = end.said.contains(&format!("process {pid}"));
             // It may have ended meanwhile, or not have begun.
@@ -111,22 +103,14 @@ impl Tally {
         let now = strides(&dir.join("run"));
         if now < before {
             self.strides_lost += before - now;
-            self.faults
-                .push(format!("{when}: {} strides lost", before - now));
+            self.faults.push(format!("{when}: {} strides lost", before - now));
         }
         now
     }
 }
 
 /// Kills `learn` until it was killed so often; second commands are thrown at dead and live runs.
-pub fn learn(
-    program: &Program,
-    dir: &Path,
-    task: &str,
-    sets: &[&str],
-    kills: usize,
-    seed: u64,
-) -> Outcome<Found> {
+pub fn learn(program: &Program, dir: &Path, task: &str, sets: &[&str], kills: usize, seed: u64) -> Outcome<Found> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let begin = [&["learn", task, "--out", "run"][..], sets].concat();
     let whole = dir.join("whole");
@@ -141,18 +125,12 @@ pub fn learn(
         let (mut made, mut killed) = (0, 0);
         loop {
             let resumes = own.join("run").exists();
-            let words = if resumes {
-                &["learn", "--resume", "run"][..]
-            } else {
-                &begin
-            };
+            let words = if resumes { &["learn", "--resume", "run"][..] } else { &begin };
             let child = program.start(&own, words)?;
             if killed == KILLS_A_RUN || tally.kills == kills {
                 let end = ended(child)?;
                 if end.code != Some(0) {
-                    tally
-                        .faults
-                        .push(format!("refused or failed: {:?} {}", end.code, end.said));
+                    tally.faults.push(format!("refused or failed: {:?} {}", end.code, end.said));
                 }
                 break;
             }
@@ -207,16 +185,10 @@ pub fn at_birth(program: &Program, dir: &Path, kills: usize, seed: u64) -> Outco
         }
         let run = own.join("run");
         let has_run = run.join("config.toml").exists();
-        let words = if has_run {
-            &["learn", "--resume", "run"][..]
-        } else {
-            &begin
-        };
+        let words = if has_run { &["learn", "--resume", "run"][..] } else { &begin };
         let end = program.run(&own, words)?;
         if end.code != Some(0) {
-            tally
-                .faults
-                .push(format!("{words:?} refused: {}", end.said));
+            tally.faults.push(format!("{words:?} refused: {}", end.said));
             continue;
         }
         compare(&mut tally, &own, &whole)?;
@@ -227,21 +199,9 @@ pub fn at_birth(program: &Program, dir: &Path, kills: usize, seed: u64) -> Outco
 /// Kills `collect` and `improve`, and goes on with them, one verb after another; `learn --resume` ends the run.
 pub fn collect(program: &Program, dir: &Path, kills: usize, seed: u64) -> Outcome<Found> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let begin = [
-        "collect",
-        "stepping",
-        "--out",
-        "run",
-        "--set=collect.strides=[60]",
-    ];
+    let begin = ["collect", "stepping", "--out", "run", "--set=collect.strides=[60]"];
     let (next, improve) = (&["collect", "run"][..], &["improve", "run"][..]);
-    let verbs: [&[&str]; 5] = [
-        &begin,
-        improve,
-        next,
-        improve,
-        &["learn", "--resume", "run"],
-    ];
+    let verbs: [&[&str]; 5] = [&begin, improve, next, improve, &["learn", "--resume", "run"]];
     let whole = dir.join("whole");
     let began = Instant::now();
     unbroken(program, &whole, &verbs)?;
@@ -256,11 +216,7 @@ pub fn collect(program: &Program, dir: &Path, kills: usize, seed: u64) -> Outcom
             let mut killed = 0;
             // Killed after its work was done, a verb is not said again.
             while i + 1 == verbs.len() || phases(&run) <= i as u64 {
-                let words = if verb[0] == "collect" && run.exists() {
-                    next
-                } else {
-                    verb
-                };
+                let words = if verb[0] == "collect" && run.exists() { next } else { verb };
                 let child = program.start(&own, words)?;
                 let after = if tally.kills < kills && killed < 3 {
                     Duration::from_millis(rng.random_range(0..verb_ms))
@@ -304,9 +260,7 @@ fn unbroken(program: &Program, whole: &Path, commands: &[&[&str]]) -> Outcome<()
 
 fn compare(tally: &mut Tally, own: &Path, whole: &Path) -> Outcome<()> {
     let found = differences(&own.join("run"), &whole.join("run"))?;
-    tally
-        .faults
-        .extend(found.iter().map(|d| format!("run {}: {d}", tally.runs)));
+    tally.faults.extend(found.iter().map(|d| format!("run {}: {d}", tally.runs)));
     if found.is_empty() {
         std::fs::remove_dir_all(own)?;
     }

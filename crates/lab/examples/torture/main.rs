@@ -48,13 +48,10 @@ pub struct Found {
 }
 
 fn main() -> Outcome<()> {
-    let (mut kills, mut seed, mut only, mut bin) =
-        (20_usize, 1_u64, String::new(), None::<PathBuf>);
+    let (mut kills, mut seed, mut only, mut bin) = (20_usize, 1_u64, String::new(), None::<PathBuf>);
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
-        let value = words
-            .next()
-            .ok_or_else(|| format!("{word} needs a value"))?;
+        let value = words.next().ok_or_else(|| format!("{word} needs a value"))?;
         match word.as_str() {
             "--kills" => kills = value.parse()?,
             "--seed" => seed = value.parse()?,
@@ -68,39 +65,17 @@ fn main() -> Outcome<()> {
     println!("| torture | done | faults | |\n|---|---:|---:|---|");
     let mut faults = Vec::new();
     let part = |share: usize, of: usize| (kills * share).div_ceil(of);
-    type Kind<'a> = (
-        &'a str,
-        usize,
-        &'a dyn Fn(usize, &std::path::Path) -> Outcome<Found>,
-    );
+    type Kind<'a> = (&'a str, usize, &'a dyn Fn(usize, &std::path::Path) -> Outcome<Found>);
     let kinds: [Kind<'_>; 9] = [
-        ("stepping", kills, &|n, dir| {
-            kills::learn(&program, dir, "stepping", &[], n, seed)
-        }),
-        ("walking", part(1, 5), &|n, dir| {
-            kills::learn(&program, dir, "walking", &kills::WALKING, n, seed)
-        }),
-        ("birth", part(3, 10), &|n, dir| {
-            kills::at_birth(&program, dir, n, seed)
-        }),
-        ("collect", part(1, 5), &|n, dir| {
-            kills::collect(&program, dir, n, seed)
-        }),
-        ("disk", kills.clamp(1, 12), &|n, dir| {
-            full_disk::fill(&program, dir, n)
-        }),
-        ("tasks", part(10, 1), &|n, dir| {
-            mutants::tasks(&program, dir, n, seed)
-        }),
-        ("tables", part(15, 2), &|n, dir| {
-            mutants::tables(&program, dir, n, seed)
-        }),
-        ("logs", part(5, 2), &|n, dir| {
-            mutants::logs(&program, dir, n, seed)
-        }),
-        ("models", part(1, 1), &|n, dir| {
-            mutants::models(&program, dir, n, seed)
-        }),
+        ("stepping", kills, &|n, dir| kills::learn(&program, dir, "stepping", &[], n, seed)),
+        ("walking", part(1, 5), &|n, dir| kills::learn(&program, dir, "walking", &kills::WALKING, n, seed)),
+        ("birth", part(3, 10), &|n, dir| kills::at_birth(&program, dir, n, seed)),
+        ("collect", part(1, 5), &|n, dir| kills::collect(&program, dir, n, seed)),
+        ("disk", kills.clamp(1, 12), &|n, dir| full_disk::fill(&program, dir, n)),
+        ("tasks", part(10, 1), &|n, dir| mutants::tasks(&program, dir, n, seed)),
+        ("tables", part(15, 2), &|n, dir| mutants::tables(&program, dir, n, seed)),
+        ("logs", part(5, 2), &|n, dir| mutants::logs(&program, dir, n, seed)),
+        ("models", part(1, 1), &|n, dir| mutants::models(&program, dir, n, seed)),
     ];
     for (name, count, torture) in kinds {
         if !only.is_empty() && !only.split(',').any(|o| o == name) {
@@ -109,26 +84,12 @@ fn main() -> Outcome<()> {
         let dir = scratch.path().join(name);
         std::fs::create_dir(&dir)?;
         let found = torture(count, &dir)?;
-        println!(
-            "| {name} | {} | {} | {} |",
-            found.done,
-            found.faults.len(),
-            found.remark
-        );
-        faults.extend(
-            found
-                .faults
-                .into_iter()
-                .map(|fault| format!("{name}: {fault}")),
-        );
+        println!("| {name} | {} | {} | {} |", found.done, found.faults.len(), found.remark);
+        faults.extend(found.faults.into_iter().map(|fault| format!("{name}: {fault}")));
         std::fs::remove_dir_all(&dir)?;
     }
     for fault in &faults {
         println!("{fault}");
     }
-    if faults.is_empty() {
-        Ok(())
-    } else {
-        Err(format!("{} faults", faults.len()).into())
-    }
+    if faults.is_empty() { Ok(()) } else { Err(format!("{} faults", faults.len()).into()) }
 }

@@ -37,17 +37,11 @@ impl Feed<'_> {
             // A file that extends a built-in task may be at odds with a line of that.
             let in_builtin = after("built-in task ").is_some_and(has_line);
             let in_file = end.said.contains(at)
-                && (!self.placed
-                    || after(at).is_some_and(has_line)
-                    || end.said.contains("missing key"));
+                && (!self.placed || after(at).is_some_and(has_line) || end.said.contains("missing key"));
             let silent = end.code == Some(2) && !in_file && !in_builtin;
-            if let Some(fault) = end
-                .fault()
-                .or_else(|| silent.then(|| format!("no place: {}", end.said)))
-            {
+            if let Some(fault) = end.fault().or_else(|| silent.then(|| format!("no place: {}", end.said))) {
                 let number = found.faults.len();
-                let kept =
-                    std::env::temp_dir().join(format!("torture-{number}-{}", at.replace('/', "-")));
+                let kept = std::env::temp_dir().join(format!("torture-{number}-{}", at.replace('/', "-")));
                 std::fs::write(&kept, &bytes)?;
                 found.faults.push(format!("{}: {fault}", kept.display()));
             }
@@ -67,13 +61,7 @@ const WALK: [&str; 5] = ["run", "--nominal", "task.toml", "--seconds", "0.2"];
 pub fn tasks(program: &Program, dir: &Path, count: usize, seed: u64) -> Outcome<Found> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments");
     let at = Some("task.toml");
-    let feed = Feed {
-        program,
-        dir,
-        words: &WALK,
-        at,
-        placed: true,
-    };
+    let feed = Feed { program, dir, words: &WALK, at, placed: true };
     feed.run(&Corpus::read(&folder)?, count, seed)
 }
 
@@ -81,13 +69,7 @@ pub fn tasks(program: &Program, dir: &Path, count: usize, seed: u64) -> Outcome<
 pub fn tables(program: &Program, dir: &Path, count: usize, seed: u64) -> Outcome<Found> {
     short_run(program, dir)?;
     let bytes = std::fs::read(dir.join("run/transitions.csv"))?;
-    let feed = Feed {
-        program,
-        dir,
-        words: &["fit", "table.csv"],
-        at: None,
-        placed: true,
-    };
+    let feed = Feed { program, dir, words: &["fit", "table.csv"], at: None, placed: true };
     feed.run(&Corpus::from([("table.csv", bytes)]), count, seed)
 }
 
@@ -118,36 +100,17 @@ pub fn logs(program: &Program, dir: &Path, count: usize, seed: u64) -> Outcome<F
         found.remark += &format!("{} of {}; ", more.remark, more.done);
     };
     for words in [&["evaluate", "run", "--strides=1"][..], &["report", "run"]] {
-        let feed = Feed {
-            program,
-            dir,
-            words,
-            at: None,
-            placed: false,
-        };
+        let feed = Feed { program, dir, words, at: None, placed: false };
         add(feed.run(&corpus, third, seed)?);
     }
-    let logged = [
-        "collect",
-        "small-stepping",
-        "--robot=op3",
-        "--log",
-        "--out=linked",
-        "--set=collect.strides=[4]",
-    ];
+    let logged = ["collect", "small-stepping", "--robot=op3", "--log", "--out=linked", "--set=collect.strides=[4]"];
     let end = program.run(dir, &logged)?;
     if end.code != Some(0) {
         return Err(format!("a log: {}", end.said).into());
     }
     let log = Corpus::from([("log.mcap", std::fs::read(dir.join("linked/log.mcap"))?)]);
     let words = ["collect", "small-stepping", "--from", "log.mcap"];
-    let feed = Feed {
-        program,
-        dir,
-        words: &words,
-        at: None,
-        placed: false,
-    };
+    let feed = Feed { program, dir, words: &words, at: None, placed: false };
     add(feed.run(&log, count.saturating_sub(2 * third), seed)?);
     Ok(found)
 }
@@ -157,22 +120,12 @@ pub fn models(program: &Program, dir: &Path, count: usize, seed: u64) -> Outcome
     let task = "extends = \"stepping\"\nname = \"mine\"\nrobot.model = \"robot.xml\"\n";
     std::fs::write(dir.join("task.toml"), task)?;
     let corpus = Corpus::from([("robot.xml", stridemap_mujoco::BIPED_XML.into())]);
-    let feed = Feed {
-        program,
-        dir,
-        words: &WALK,
-        at: None,
-        placed: false,
-    };
+    let feed = Feed { program, dir, words: &WALK, at: None, placed: false };
     feed.run(&corpus, count, seed)
 }
 
 fn short_run(program: &Program, dir: &Path) -> Outcome<()> {
     let words = [&["learn", "stepping", "--out", "run"][..], &SHORT].concat();
     let end = program.run(dir, &words)?;
-    if end.code == Some(0) {
-        Ok(())
-    } else {
-        Err(format!("a short run: {}", end.said).into())
-    }
+    if end.code == Some(0) { Ok(()) } else { Err(format!("a short run: {}", end.said).into()) }
 }

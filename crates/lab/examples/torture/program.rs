@@ -49,11 +49,7 @@ impl Program {
         if folder.ends_with("release") {
             build.arg("--release");
         }
-        if !build
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .status()?
-            .success()
-        {
+        if !build.current_dir(env!("CARGO_MANIFEST_DIR")).status()?.success() {
             return Err("cannot build stridemap".into());
         }
         Ok(Self(folder.join("stridemap")))
@@ -69,11 +65,7 @@ impl Program {
     /// Starts a command.
     pub fn start(&self, dir: &Path, arguments: &[&str]) -> Outcome<Child> {
         let mut command = self.command(dir, arguments);
-        Ok(command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()?)
+        Ok(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?)
     }
 
     /// Runs a command to its end.
@@ -105,11 +97,7 @@ pub fn ended(mut child: Child) -> Outcome<Ended> {
         std::thread::sleep(Duration::from_millis(2));
     };
     let said = reader.and_then(|r| r.join().ok()).unwrap_or_default();
-    Ok(Ended {
-        code: status.code(),
-        said,
-        hung,
-    })
+    Ok(Ended { code: status.code(), said, hung })
 }
 
 /// Every file of a run without what differs between two runs of one command: times.
@@ -154,16 +142,8 @@ fn timeless(name: &str, bytes: Vec<u8>) -> Outcome<Vec<u8>> {
 
 /// A page without its lines that tell times of the clock and name the directory.
 fn page(text: &str) -> Vec<u8> {
-    let timeless = |line: &&str| {
-        !["seconds", "started", "ended", " s:", "Time"]
-            .iter()
-            .any(|w| line.contains(w))
-    };
-    text.lines()
-        .filter(timeless)
-        .collect::<Vec<_>>()
-        .join("\n")
-        .into_bytes()
+    let timeless = |line: &&str| !["seconds", "started", "ended", " s:", "Time"].iter().any(|w| line.contains(w));
+    text.lines().filter(timeless).collect::<Vec<_>>().join("\n").into_bytes()
 }
 
 /// What differs between two runs, file by file.
@@ -174,19 +154,13 @@ pub fn differences(run: &Path, whole: &Path) -> Outcome<Vec<String>> {
         match run.remove(&name) {
             None => found.push(format!("{name} is missing")),
             Some(other) if other != bytes => {
-                let line = other
-                    .split(|b| *b == b'\n')
-                    .zip(bytes.split(|b| *b == b'\n'))
-                    .position(|(a, b)| a != b);
+                let line = other.split(|b| *b == b'\n').zip(bytes.split(|b| *b == b'\n')).position(|(a, b)| a != b);
                 found.push(format!("{name} differs in line {:?}", line.map(|l| l + 1)));
             }
             Some(_) => {}
         }
     }
-    found.extend(
-        run.into_keys()
-            .map(|name| format!("{name} is one too many")),
-    );
+    found.extend(run.into_keys().map(|name| format!("{name} is one too many")));
     Ok(found)
 }
 

@@ -11,11 +11,7 @@ use stridemap_record::Proof;
 
 pub(super) struct InMap;
 
-part!(
-    InMap,
-    "actor_critic",
-    "the paper's actor-critic, in the map (MA09, sec. 5)"
-);
+part!(InMap, "actor_critic", "the paper's actor-critic, in the map (MA09, sec. 5)");
 
 impl LearnerPart for InMap {
     fn needs_caution(&self) -> bool {
@@ -23,11 +19,7 @@ impl LearnerPart for InMap {
     }
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
-        let (config, n, m) = (
-            &task.learner.actor_critic,
-            task.state.len(),
-            task.action.len(),
-        );
+        let (config, n, m) = (&task.learner.actor_critic, task.state.len(), task.action.len());
         for (key, found, needed, what) in [
             ("basis_widths", config.basis_widths.len(), n, "state"),
             ("action_unit", config.action_unit.len(), m, "action"),

@@ -13,11 +13,7 @@ use stridemap_record::{Proof, Region};
 
 pub(super) struct OnRobot;
 
-part!(
-    OnRobot,
-    "bayes_opt",
-    "without a map: Bayesian optimisation of the speed on the robot"
-);
+part!(OnRobot, "bayes_opt", "without a map: Bayesian optimisation of the speed on the robot");
 
 impl LearnerPart for OnRobot {
     fn uses_map(&self) -> bool {
@@ -58,9 +54,7 @@ pub(super) fn next(
     let m = unit.len();
     let drawn = |rng: &mut ChaCha8Rng| -> Vec<f64> {
         let bounds = region.lower.iter().zip(&region.upper);
-        bounds
-            .map(|(l, u)| l + (u - l) * rng.random::<f64>())
-            .collect()
+        bounds.map(|(l, u)| l + (u - l) * rng.random::<f64>()).collect()
     };
     let tried: Vec<&&Proof> = proofs.iter().filter(|p| p.action.len() == m).collect();
     if tried.len() < config.random_policies.max(2) {
@@ -72,11 +66,7 @@ pub(super) fn next(
     }
     let values: Vec<f64> = tried.iter().map(|p| value(p)).collect();
     let points = Points::new(&inputs, m).map_err(gp_error)?;
-    let options = FitOptions {
-        mean: Mean::Constant,
-        starts: 3,
-        ..FitOptions::default()
-    };
+    let options = FitOptions { mean: Mean::Constant, starts: 3, ..FitOptions::default() };
     let gp = Gp::fit(points, &values, &options, rng).map_err(gp_error)?;
     let (mut best, mut most) = (drawn(rng), f64::NEG_INFINITY);
     for _ in 0..CANDIDATES {

@@ -50,21 +50,12 @@ pub(super) fn next(
     proofs: &[&Proof],
     stream: &dyn Fn(usize) -> ChaCha8Rng,
 ) -> Result<Vec<f64>, LabError> {
-    let start: Vec<f64> = region
-        .lower
-        .iter()
-        .zip(&region.upper)
-        .map(|(l, u)| 0.5 * (l + u))
-        .collect();
+    let start: Vec<f64> = region.lower.iter().zip(&region.upper).map(|(l, u)| 0.5 * (l + u)).collect();
     let std: Vec<f64> = unit.iter().map(|u| config.first_std_units * u).collect();
     let mut search = CmaEs::new(&start, &std, Some(config.population))?;
     let population = config.population;
     for (generation, told) in proofs.chunks(population).enumerate() {
-        let points: Vec<Vec<f64>> = search
-            .ask(&mut stream(generation))
-            .iter()
-            .map(|p| region.nearest(p))
-            .collect();
+        let points: Vec<Vec<f64>> = search.ask(&mut stream(generation)).iter().map(|p| region.nearest(p)).collect();
         if told.len() < population {
             return Ok(points[told.len()].clone());
         }

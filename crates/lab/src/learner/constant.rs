@@ -10,11 +10,7 @@ use crate::task::Task;
 
 pub(super) struct Grown;
 
-part!(
-    Grown,
-    "constant",
-    "without a map: every component at the bound of the trust region"
-);
+part!(Grown, "constant", "without a map: every component at the bound of the trust region");
 
 impl LearnerPart for Grown {
     fn uses_map(&self) -> bool {
@@ -35,11 +31,7 @@ impl LearnerPart for Grown {
         // The corner of the region that is farthest from the nominal gait, in every component.
         let corner = |(i, limits): (usize, &stridemap_returnmap::ActionLimits)| {
             let [below, above] = tried[i].map(|edge| (edge - limits.neutral).abs());
-            if above >= below {
-                region.upper[i]
-            } else {
-                region.lower[i]
-            }
+            if above >= below { region.upper[i] } else { region.lower[i] }
         };
         let action: Vec<f64> = known.limits.iter().enumerate().map(corner).collect();
         known.constant(&action)

@@ -66,18 +66,12 @@ impl IntegralAction {
 
 /// Component of the state that is `ψ_roll`.
 fn psi_roll(task: &Task) -> Option<usize> {
-    task.state
-        .iter()
-        .position(|c| *c == StateComponent::PSI_ROLL_DEG)
+    task.state.iter().position(|c| *c == StateComponent::PSI_ROLL_DEG)
 }
 
 pub(super) struct Held;
 
-part!(
-    Held,
-    "integral",
-    "without a map: integral action on psi_roll, then its mean held"
-);
+part!(Held, "integral", "without a map: integral action on psi_roll, then its mean held");
 
 impl LearnerPart for Held {
     fn uses_map(&self) -> bool {
@@ -85,10 +79,8 @@ impl LearnerPart for Held {
     }
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
-        let finite = task
-            .learner
-            .integral
-            .is_some_and(|c| c.gain_per_deg.is_finite() && c.below_in_place_deg.is_finite());
+        let finite =
+            task.learner.integral.is_some_and(|c| c.gain_per_deg.is_finite() && c.below_in_place_deg.is_finite());
         if !finite || task.action.len() != 1 || psi_roll(task).is_none() {
             return invalid(
                 "learner.integral",
@@ -132,10 +124,7 @@ fn held(transitions: &[Transition]) -> Result<Vec<f64>, LabError> {
     let count = (HELD_SHARE * settled.len() as f64).ceil() as usize;
     let last = &settled[settled.len() - count..];
     let Some(first) = last.first() else {
-        return Err(LabError::TooFewStrides {
-            found: 0,
-            needed: 1,
-        });
+        return Err(LabError::TooFewStrides { found: 0, needed: 1 });
     };
     let mean = |i: usize| last.iter().map(|t| t.action[i]).sum::<f64>() / count as f64;
     Ok((0..first.action.len()).map(mean).collect())

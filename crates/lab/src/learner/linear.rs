@@ -12,11 +12,7 @@ use stridemap_record::{Region, Transition};
 
 pub(super) struct Corner;
 
-part!(
-    Corner,
-    "linear",
-    "without a map: regression of the stride's reward on the action"
-);
+part!(Corner, "linear", "without a map: regression of the stride's reward on the action");
 
 impl LearnerPart for Corner {
     fn uses_map(&self) -> bool {
@@ -46,10 +42,7 @@ impl LearnerPart for Corner {
 fn corner(region: &Region, transitions: &[&Transition]) -> Result<Vec<f64>, LabError> {
     let m = region.lower.len();
     let needed = m + 2;
-    let too_few = LabError::TooFewStrides {
-        found: transitions.len(),
-        needed,
-    };
+    let too_few = LabError::TooFewStrides { found: transitions.len(), needed };
     if transitions.len() < needed {
         return Err(too_few);
     }
@@ -62,16 +55,9 @@ fn corner(region: &Region, transitions: &[&Transition]) -> Result<Vec<f64>, LabE
     let rewards = transitions.iter().map(|t| t.reward);
     let y = DVector::from_iterator(transitions.len(), rewards);
     let normal = z.transpose() * &z;
-    let slopes = normal
-        .cholesky()
-        .ok_or(too_few)?
-        .solve(&(z.transpose() * y));
+    let slopes = normal.cholesky().ok_or(too_few)?.solve(&(z.transpose() * y));
     let corner = |i: usize| {
-        if slopes[i + 1] >= 0.0 {
-            region.upper[i]
-        } else {
-            region.lower[i]
-        }
+        if slopes[i + 1] >= 0.0 { region.upper[i] } else { region.lower[i] }
     };
     Ok((0..m).map(corner).collect())
 }

@@ -15,9 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gp::Mean;
 use stridemap_learn::{ConstantPolicy, Learner, SavedPolicy, TrialSummary};
-use stridemap_returnmap::{
-    ActionLimits, LearnedMap, ProcessSpec, StateReward, StrideEnd, StrideProcess,
-};
+use stridemap_returnmap::{ActionLimits, LearnedMap, ProcessSpec, StateReward, StrideEnd, StrideProcess};
 
 pub use integral::{IntegralAction, IntegralConfig};
 pub use search::SearchSettings;
@@ -68,10 +66,7 @@ pub trait LearnerPart: Part {
         let inputs = map.dims(task.state.len(), task.action.len());
         match map.mean.coefficients(inputs) {
             // One more, so that the strides that are left when one is left out still determine the mean.
-            n if n >= FEWEST => (
-                n + 1,
-                format!("a map whose mean has {n} coefficients (map.mean)"),
-            ),
+            n if n >= FEWEST => (n + 1, format!("a map whose mean has {n} coefficients (map.mean)")),
             _ => (FEWEST, "a map".into()),
         }
     }
@@ -141,12 +136,8 @@ impl LearnerKind {
     /// Without a map: integral action.
     pub const INTEGRAL: Self = Self(&integral::Held);
     /// The controls, which use no map of the robot's state.
-    pub const CONTROLS: [Self; 4] = [
-        Self(&constant::Grown),
-        Self(&linear::Corner),
-        Self(&bayes_opt::OnRobot),
-        Self(&cma_es::OnRobot),
-    ];
+    pub const CONTROLS: [Self; 4] =
+        [Self(&constant::Grown), Self(&linear::Corner), Self(&bayes_opt::OnRobot), Self(&cma_es::OnRobot)];
 }
 
 /// Parameters of the controls that search on the robot.
@@ -170,20 +161,14 @@ impl ControlsConfig {
             return invalid("learner.controls.population", "must be at least 4");
         }
         if controls.first_std_units <= 0.0 || controls.ucb_stds < 0.0 {
-            return invalid(
-                "learner.controls",
-                "needs a positive first_std_units and a ucb_stds that is not negative",
-            );
+            return invalid("learner.controls", "needs a positive first_std_units and a ucb_stds that is not negative");
         }
         Ok(())
     }
 }
 
 fn invalid<T>(key: &str, requirement: impl Into<String>) -> Result<T, LabError> {
-    Err(LabError::Invalid(Invalid {
-        key: key.into(),
-        requirement: requirement.into(),
-    }))
+    Err(LabError::Invalid(Invalid { key: key.into(), requirement: requirement.into() }))
 }
 
 /// What a search on the robot is told of a policy: its speed; half of it after a warning, nothing after
@@ -220,14 +205,7 @@ impl<'a> Known<'a> {
         progress: &'a Progress,
         map: Option<&'a LearnedMap>,
     ) -> Result<Self, LabError> {
-        let mut known = Self {
-            task,
-            seed,
-            progress,
-            map,
-            limits: task.action_limits()?,
-            region: None,
-        };
+        let mut known = Self { task, seed, progress, map, limits: task.action_limits()?, region: None };
         let caution = task.caution.as_ref();
         known.region = caution.map(|c| task.learner.kind.region(&known, c));
         Ok(known)
@@ -265,8 +243,7 @@ impl<'a> Known<'a> {
     #[must_use]
     pub fn training(&self) -> Vec<&'a Transition> {
         let all = self.progress.transitions.iter();
-        all.filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)
-            .collect()
+        all.filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing).collect()
     }
 
     /// The lowest and highest action tried in strides that reached the section, per component; without
@@ -308,8 +285,7 @@ impl<'a> Known<'a> {
             spec,
             limits: self.limits.clone(),
             failure: task.failure.in_map(&task.state, &in_place),
-            reward: reward_of_state(&task.reward, &task.state)
-                .map(|reward| Arc::new(reward) as StateReward),
+            reward: reward_of_state(&task.reward, &task.state).map(|reward| Arc::new(reward) as StateReward),
             psi_roll: position(StateComponent::PSI_ROLL_DEG).map(|c| (c, bound)),
             pitch_rate: position(StateComponent::PSI_PITCH_RATE_DEG_S),
         }
@@ -361,29 +337,14 @@ mod tests {
     }
 
     fn proof(action: Vec<f64>) -> Proof {
-        Proof {
-            verdict: Verdict::Slower,
-            warning: None,
-            speed_m_s: speed(&action),
-            strides: 30,
-            attempts: 1,
-            action,
-        }
+        Proof { verdict: Verdict::Slower, warning: None, speed_m_s: speed(&action), strides: 30, attempts: 1, action }
     }
 
     /// Both searches come near the top of a bowl on which they are tried 40 times.
     #[test]
     fn searches_on_the_robot_climb() {
-        let config = ControlsConfig {
-            ucb_stds: 1.5,
-            random_policies: 4,
-            population: 5,
-            first_std_units: 0.5,
-        };
-        let region = Region {
-            lower: vec![0.0, 0.0],
-            upper: vec![6.0, 1.5],
-        };
+        let config = ControlsConfig { ucb_stds: 1.5, random_policies: 4, population: 5, first_std_units: 0.5 };
+        let region = Region { lower: vec![0.0, 0.0], upper: vec![6.0, 1.5] };
         let unit = [2.0, 0.5];
         for bayes in [true, false] {
             let mut proofs: Vec<Proof> = Vec::new();

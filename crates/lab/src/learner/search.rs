@@ -31,11 +31,7 @@ pub struct SearchSettings {
 
 pub(super) struct InMap;
 
-part!(
-    InMap,
-    "search",
-    "a search in the map over constants (CMA-ES), with feedback from the map's Jacobian"
-);
+part!(InMap, "search", "a search in the map over constants (CMA-ES), with feedback from the map's Jacobian");
 
 impl LearnerPart for InMap {
     fn check(&self, task: &Task) -> Result<(), LabError> {
@@ -108,23 +104,14 @@ fn fed_back(known: &Known<'_>, unit: &[f64], feedback: &JacobianFeedbackConfig) 
 fn check_feedback(task: &Task, feedback: &JacobianFeedbackConfig) -> Result<(), LabError> {
     let known = |name: &String| task.action.iter().any(|a| a.modulates == *name);
     if let Some(name) = feedback.modulates.iter().find(|name| !known(name)) {
-        return invalid(
-            "learner.search.feedback.modulates",
-            format!("{name:?} is not a component of the action"),
-        );
+        return invalid("learner.search.feedback.modulates", format!("{name:?} is not a component of the action"));
     }
     let mut sees = feedback.sees.iter().flatten();
     if let Some(c) = sees.find(|c| !task.state.contains(c)) {
-        return invalid(
-            "learner.search.feedback.sees",
-            format!("{:?} is not a component of the state", c.name()),
-        );
+        return invalid("learner.search.feedback.sees", format!("{:?} is not a component of the state", c.name()));
     }
     if feedback.sees.len() != feedback.modulates.len() {
-        return invalid(
-            "learner.search.feedback.sees",
-            "needs a list for each modulation that is fed back",
-        );
+        return invalid("learner.search.feedback.sees", "needs a list for each modulation that is fed back");
     }
     let positive = feedback.limit.iter().all(|l| l.is_finite() && *l > 0.0);
     if feedback.limit.len() != feedback.modulates.len() || !positive {

@@ -66,19 +66,11 @@ fn has_strides(path: &Path) -> Result<bool, LabError> {
 ///
 /// [`LabError::RunDirectory`]; [`RecordError::Unwritable`] if it cannot be read.
 pub fn refuse_occupied(path: &Path, task: &Task) -> Result<(), LabError> {
-    let refuse = |problem: String| {
-        Err(LabError::RunDirectory {
-            path: path.into(),
-            problem,
-        })
-    };
+    let refuse = |problem: String| Err(LabError::RunDirectory { path: path.into(), problem });
     if path.symlink_metadata().is_err() {
         return Ok(());
     }
-    let entries = std::fs::read_dir(path).map_err(|source| RecordError::Unwritable {
-        path: path.into(),
-        source,
-    })?;
+    let entries = std::fs::read_dir(path).map_err(|source| RecordError::Unwritable { path: path.into(), source })?;
     let is_run = path.join("config.toml").exists();
     let names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
     let known = |name: &std::ffi::OsString| {
@@ -92,9 +84,7 @@ pub fn refuse_occupied(path: &Path, task: &Task) -> Result<(), LabError> {
     if !is_run {
         return refuse("is not empty and holds no run; choose another directory with --out".into());
     }
-    let edited = FinishedRun::open(path, &[])
-        .and_then(|run| task_differences(&run.task, task))
-        .unwrap_or_default();
+    let edited = FinishedRun::open(path, &[]).and_then(|run| task_differences(&run.task, task)).unwrap_or_default();
     let differs = match edited.as_slice() {
         [] => String::new(),
         edited => format!(" of another task ({})", edited.join("; ")),
@@ -106,12 +96,7 @@ pub fn refuse_occupied(path: &Path, task: &Task) -> Result<(), LabError> {
 }
 
 /// Writes what a new run consists of into a directory that will stand at `place`.
-pub(super) fn build(
-    path: &Path,
-    place: &Path,
-    task: &Task,
-    provenance: &Provenance,
-) -> Result<(), LabError> {
+pub(super) fn build(path: &Path, place: &Path, task: &Task, provenance: &Provenance) -> Result<(), LabError> {
     for sub in ["map", "policy", "figures/data", "poses", "lapse"] {
         create_dir(&path.join(sub))?;
     }
@@ -145,23 +130,11 @@ fn relative(dir: &Path, file: &Path) -> Option<PathBuf> {
     let dir = absolute(dir)?;
     let dir = dir.canonicalize().ok().or_else(|| {
         let parent = dir.ancestors().find(|a| a.exists())?;
-        Some(
-            parent
-                .canonicalize()
-                .ok()?
-                .join(dir.strip_prefix(parent).ok()?),
-        )
+        Some(parent.canonicalize().ok()?.join(dir.strip_prefix(parent).ok()?))
     })?;
     let file = absolute(file)?.canonicalize().ok()?;
-    let shared = dir
-        .components()
-        .zip(file.components())
-        .take_while(|(a, b)| a == b)
-        .count();
-    let up = dir
-        .components()
-        .skip(shared)
-        .map(|_| std::path::Component::ParentDir);
+    let shared = dir.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+    let up = dir.components().skip(shared).map(|_| std::path::Component::ParentDir);
     let path: PathBuf = up.chain(file.components().skip(shared)).collect();
     path.to_str()?;
     Some(path)

@@ -7,9 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use stridemap_files::Lock;
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_record::{
-    Checkpoint, Columns, EVENTS, EVENTS_HEADER, FORMAT, LearningRow, Pace, Phase, Provenance,
-    RecordError, Recording, RobotFall, StridePhase, Summary, Transition, World, event_line,
-    falls_in_starts,
+    Checkpoint, Columns, EVENTS, EVENTS_HEADER, FORMAT, LearningRow, Pace, Phase, Provenance, RecordError, Recording,
+    RobotFall, StridePhase, Summary, Transition, World, event_line, falls_in_starts,
     files::{Keep, Log, check_dir, create_dir, read_json, write_json, write_whole},
     files::{lock, sweep, write_json_line},
     grid,
@@ -77,10 +76,7 @@ impl RunDirectory {
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<Self, LabError> {
-        let unwritable = |source| RecordError::Unwritable {
-            path: path.into(),
-            source,
-        };
+        let unwritable = |source| RecordError::Unwritable { path: path.into(), source };
         let place = stridemap_files::resolved(path).map_err(unwritable)?;
         let lock = if place.symlink_metadata().is_ok() {
             // A run is locked before it is looked at; nothing is made where there is none.
@@ -158,12 +154,7 @@ impl RunDirectory {
         stop: Arc<AtomicBool>,
         watcher: Box<dyn Watcher>,
     ) -> Result<(Self, Progress), LabError> {
-        let FinishedRun {
-            path,
-            task,
-            provenance,
-            ..
-        } = run;
+        let FinishedRun { path, task, provenance, .. } = run;
         let lock = lock(path)?;
         run.refuse_others()?;
         let (mut progress, mut rows, _) = read_progress(path, task)?;
@@ -246,9 +237,7 @@ impl RunDirectory {
 
     fn check_stop(&self) -> Result<(), LabError> {
         if self.stop.load(Ordering::Relaxed) {
-            return Err(LabError::Interrupted {
-                path: self.path.clone(),
-            });
+            return Err(LabError::Interrupted { path: self.path.clone() });
         }
         Ok(())
     }
@@ -283,8 +272,7 @@ impl Recorder for RunDirectory {
     fn stride(&mut self, transition: &Transition, what: Option<&str>) -> Result<(), LabError> {
         let row = self.table.row(transition);
         if transition.phase == StridePhase::Record {
-            self.record
-                .append(&format!("{},{row}", what.unwrap_or_default()))?;
+            self.record.append(&format!("{},{row}", what.unwrap_or_default()))?;
         } else {
             self.transitions.append(&row)?;
         }
@@ -294,10 +282,7 @@ impl Recorder for RunDirectory {
     }
 
     fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError> {
-        write_json(
-            &self.path.join(format!("map/{iteration}.json")),
-            &map.to_saved(iteration)?,
-        )?;
+        write_json(&self.path.join(format!("map/{iteration}.json")), &map.to_saved(iteration)?)?;
         self.fitted = Some((iteration, map.clone()));
         Ok(())
     }
@@ -332,10 +317,7 @@ impl Recorder for RunDirectory {
     fn poses(&mut self, what: &str, pace: Pace, recording: &Recording) -> Result<(), LabError> {
         let folder = self.path.join(pace.folder());
         create_dir(&folder)?; // A run of an earlier version may lack it.
-        Ok(write_json_line(
-            &folder.join(format!("{what}.json")),
-            recording,
-        )?)
+        Ok(write_json_line(&folder.join(format!("{what}.json")), recording)?)
     }
 
     fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError> {
@@ -349,11 +331,7 @@ impl Recorder for RunDirectory {
             let row = LearningRow {
                 iteration,
                 trial: iteration,
-                world: if phase == Phase::Evaluate {
-                    World::RobotEvaluation
-                } else {
-                    World::Robot
-                },
+                world: if phase == Phase::Evaluate { World::RobotEvaluation } else { World::Robot },
                 average_reward: p.mean_reward,
                 falls: p.falls,
                 strides: p.strides,
@@ -401,8 +379,7 @@ impl Recorder for RunDirectory {
 
 /// The logs of strides and trials, of which so many rows are kept.
 pub(super) fn logs(path: &Path, table: &Columns, rows: [usize; 3]) -> Result<[Log; 3], LabError> {
-    let open =
-        |name: &str, header: &str, rows| Log::open(&path.join(name), header, Keep::Rows(rows));
+    let open = |name: &str, header: &str, rows| Log::open(&path.join(name), header, Keep::Rows(rows));
     Ok([
         open("transitions.csv", &table.header(), rows[0])?,
         open("record.csv", &table.record_header(), rows[1])?,

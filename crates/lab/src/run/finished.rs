@@ -20,34 +20,24 @@ use stridemap_record::{
 pub(super) const MODEL_COPY: &str = "model.mjb";
 
 /// Reads what a run achieved up to its last checkpoint, how many rows of each log belong to it, and its seed.
-pub(super) fn read_progress(
-    path: &Path,
-    task: &Task,
-) -> Result<(Progress, [usize; 3], Option<u64>), LabError> {
+pub(super) fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3], Option<u64>), LabError> {
     let checkpoint_path = path.join("checkpoint.json");
     if !checkpoint_path.exists() {
         return Ok((Progress::default(), [0, 0, 0], None));
     }
     let c: Checkpoint = read_json(&checkpoint_path)?;
     let table = Columns::new(&task.process_spec()?);
-    let transitions = table.read(
-        &path.join("transitions.csv"),
-        Rows::First(c.transition_rows),
-    )?;
+    let transitions = table.read(&path.join("transitions.csv"), Rows::First(c.transition_rows))?;
     if transitions.len() < c.transition_rows {
         let (made, counted) = (transitions.len(), c.transition_rows);
         let problem = format!("holds {made} strides where the checkpoint counts {counted}");
         return Err(RecordError::content(path.join("transitions.csv"), None, problem).into());
     }
-    let policies = (1..=c.policies)
-        .map(|i| read_json(&path.join(format!("policy/{i}.json"))))
-        .collect::<Result<_, _>>()?;
+    let policies =
+        (1..=c.policies).map(|i| read_json(&path.join(format!("policy/{i}.json")))).collect::<Result<_, _>>()?;
     let progress = Progress {
         // Aborted strides are in the log but are no data.
-        transitions: transitions
-            .into_iter()
-            .filter(|t| t.end != stridemap_returnmap::StrideEnd::Aborted)
-            .collect(),
+        transitions: transitions.into_iter().filter(|t| t.end != stridemap_returnmap::StrideEnd::Aborted).collect(),
         iterations: c.iterations,
         policies,
         nominal: c.nominal,
@@ -58,11 +48,7 @@ pub(super) fn read_progress(
         unfinished: Vec::new(),
         total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
     };
-    Ok((
-        progress,
-        [c.transition_rows, c.record_rows, c.learning_rows],
-        c.seed,
-    ))
+    Ok((progress, [c.transition_rows, c.record_rows, c.learning_rows], c.seed))
 }
 
 /// Reads the strides that were made after the last checkpoint, which counts `checkpoint_rows`. A last line that
@@ -97,9 +83,7 @@ pub struct FinishedRun {
 
 /// Puts the run's own copy of its model in the place of a model file that is not there any more.
 fn use_copy(path: &Path, task: &mut Task, provenance: &Provenance) -> Result<(), LabError> {
-    let (ModelSource::File(model), Some(hash)) =
-        (&mut task.robot.model, &provenance.model_copy_sha256)
-    else {
+    let (ModelSource::File(model), Some(hash)) = (&mut task.robot.model, &provenance.model_copy_sha256) else {
         return Ok(());
     };
     let copy = path.join(MODEL_COPY);
@@ -107,10 +91,8 @@ fn use_copy(path: &Path, task: &mut Task, provenance: &Provenance) -> Result<(),
         return Ok(());
     }
     if sha256(&read_bytes(&copy)?) != *hash {
-        let problem = format!(
-            "is damaged (provenance.json names another SHA-256), and {} is not there",
-            model.display()
-        );
+        let problem =
+            format!("is damaged (provenance.json names another SHA-256), and {} is not there", model.display());
         return Err(RecordError::content(copy, None, problem).into());
     }
     *model = copy;
@@ -135,13 +117,7 @@ impl FinishedRun {
         let provenance: Provenance = read_json(&path.join("provenance.json"))?;
         use_copy(path, &mut task, &provenance)?;
         let (progress, _, checkpoint_seed) = read_progress(path, &task)?;
-        Ok(Self {
-            path: path.into(),
-            task,
-            provenance,
-            progress,
-            checkpoint_seed,
-        })
+        Ok(Self { path: path.into(), task, provenance, progress, checkpoint_seed })
     }
 
     /// What differs between what made this run and what would go on with it: model, simulator, program, seed, values
@@ -164,11 +140,7 @@ impl FinishedRun {
     pub fn refuse_others(&self) -> Result<(), LabError> {
         match self.differences()? {
             same if same.is_empty() => Ok(()),
-            differences => Err(LabError::Mixed {
-                begun: has_begun(&self.path)?,
-                path: self.path.clone(),
-                differences,
-            }),
+            differences => Err(LabError::Mixed { begun: has_begun(&self.path)?, path: self.path.clone(), differences }),
         }
     }
 

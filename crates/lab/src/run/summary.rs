@@ -1,8 +1,6 @@
 //! `summary.json`: the numbers that a script wants.
 
-use stridemap_record::{
-    FORMAT, IterationSummary, Measured, SecondsSummary, StrideCounts, StrideRole, Summary,
-};
+use stridemap_record::{FORMAT, IterationSummary, Measured, SecondsSummary, StrideCounts, StrideRole, Summary};
 
 use crate::algorithm::Progress;
 use crate::task::Task;
@@ -27,9 +25,7 @@ impl Progress {
                     log_marginal_likelihood: i.log_marginal_likelihood.clone(),
                     mean_reward: i.record.map(|p| p.mean_reward),
                     mean_psi_roll_deg: i.record.and_then(|p| p.mean_psi_roll_deg),
-                    success: i
-                        .record
-                        .is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),
+                    success: i.record.is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),
                     evaluated_mean_reward: i.evaluation.map(|p| p.mean_reward),
                     rejected: i.rejected.map(Measured::from),
                     speed_m_s: i.record.and_then(|p| p.walk).map(|w| w.speed_m_s),
@@ -56,10 +52,7 @@ impl Progress {
             nominal: self.nominal.map(Measured::from),
             final_policy: self.final_performance.map(Measured::from),
             falls: self.falls.clone(),
-            seconds: SecondsSummary {
-                by_work: self.seconds,
-                total: self.total_seconds,
-            },
+            seconds: SecondsSummary { by_work: self.seconds, total: self.total_seconds },
         }
     }
 }

@@ -39,8 +39,7 @@ impl Task {
             ),
         )?;
         kind.check(self)?;
-        self.map_config()
-            .validate(self.state.len(), self.action.len())?;
+        self.map_config().validate(self.state.len(), self.action.len())?;
         crate::suffices::check(self)
     }
 
@@ -77,11 +76,7 @@ impl Task {
     }
 
     fn check_reward(&self) -> Result<(), LabError> {
-        unless(
-            !self.reward.is_empty(),
-            "reward",
-            "needs at least one [[reward]] term",
-        )?;
+        unless(!self.reward.is_empty(), "reward", "needs at least one [[reward]] term")?;
         for (i, term) in self.reward.iter().enumerate() {
             let word = match term.quantity.has_target {
                 true => "needs",
@@ -92,11 +87,7 @@ impl Task {
                 format!("reward.{i}"),
                 format!("this quantity {word} target_deg"),
             )?;
-            unless(
-                term.weight.is_finite(),
-                format!("reward.{i}.weight"),
-                "must be finite",
-            )?;
+            unless(term.weight.is_finite(), format!("reward.{i}.weight"), "must be finite")?;
         }
         Ok(())
     }
@@ -126,17 +117,9 @@ impl Task {
             ("collect.explore.std", explore.std.len()),
             ("collect.later_noise_std", collect.later_noise_std.len()),
         ] {
-            unless(
-                found == m,
-                key,
-                one_per("component of the action", found, m),
-            )?;
+            unless(found == m, key, one_per("component of the action", found, m))?;
         }
-        unless(
-            explore.hold > 0,
-            "collect.explore.hold",
-            "must be at least 1 stride",
-        )?;
+        unless(explore.hold > 0, "collect.explore.hold", "must be at least 1 stride")?;
         for [low, high] in &explore.center {
             unless(
                 low.is_finite() && high.is_finite() && low <= high,
@@ -144,16 +127,11 @@ impl Task {
                 format!("[{low}, {high}] must be finite and in order"),
             )?;
         }
-        for (key, stds) in [
-            ("collect.explore.std", &explore.std),
-            ("collect.later_noise_std", &collect.later_noise_std),
-        ] {
+        for (key, stds) in
+            [("collect.explore.std", &explore.std), ("collect.later_noise_std", &collect.later_noise_std)]
+        {
             for std in stds {
-                unless(
-                    std.is_finite() && *std >= 0.0,
-                    key,
-                    format!("{std} must be finite and not negative"),
-                )?;
+                unless(std.is_finite() && *std >= 0.0, key, format!("{std} must be finite and not negative"))?;
             }
         }
         unless(
@@ -170,11 +148,7 @@ impl Task {
 
     fn check_algorithm(&self) -> Result<(), LabError> {
         let a = &self.algorithm;
-        unless(
-            a.iterations > 0,
-            "algorithm.iterations",
-            "must be at least 1",
-        )?;
+        unless(a.iterations > 0, "algorithm.iterations", "must be at least 1")?;
         let evaluated = a.evaluation_strides;
         unless(
             evaluated == 0 || a.evaluation_discard < evaluated,
@@ -190,16 +164,8 @@ impl Task {
 
     fn check_record(&self) -> Result<(), LabError> {
         let r = &self.record;
-        unless(
-            r.strides > 0 && r.iteration_strides > 0,
-            "record.strides",
-            "must be at least 1",
-        )?;
-        unless(
-            r.walk_s.is_none_or(|s| (1.0..=3600.0).contains(&s)),
-            "record.walk_s",
-            "must be 1 to 3600 s",
-        )?;
+        unless(r.strides > 0 && r.iteration_strides > 0, "record.strides", "must be at least 1")?;
+        unless(r.walk_s.is_none_or(|s| (1.0..=3600.0).contains(&s)), "record.walk_s", "must be 1 to 3600 s")?;
         if let Some(speed_s) = r.speed_s {
             unless(
                 speed_s >= 1.0 && r.walk_s.is_some_and(|walk_s| speed_s <= walk_s),
@@ -207,11 +173,7 @@ impl Task {
                 format!("is {speed_s}, must be at least 1 s and at most record.walk_s"),
             )?;
         }
-        unless(
-            (0.0..=600.0).contains(&r.pose_seconds),
-            "record.pose_seconds",
-            "must lie in [0, 600] s",
-        )
+        unless((0.0..=600.0).contains(&r.pose_seconds), "record.pose_seconds", "must lie in [0, 600] s")
     }
 }
 

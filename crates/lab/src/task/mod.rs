@@ -4,9 +4,7 @@ mod check;
 mod parts;
 
 pub(crate) use check::one_per;
-pub use parts::{
-    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig,
-};
+pub use parts::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig};
 
 use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, GaitConfig};
@@ -144,13 +142,9 @@ impl Task {
 
     /// The components of the action, resolved against the gait's modulations.
     fn plant_actions(&self) -> Result<Vec<PlantAction>, LabError> {
-        let invalid =
-            |key: String, requirement: String| LabError::Invalid(Invalid { key, requirement });
+        let invalid = |key: String, requirement: String| LabError::Invalid(Invalid { key, requirement });
         if self.action.is_empty() {
-            return Err(invalid(
-                "action".into(),
-                "needs at least one [[action]]".into(),
-            ));
+            return Err(invalid("action".into(), "needs at least one [[action]]".into()));
         }
         let gait = self.gait(&self.robot.outline())?;
         let modulations = gait.modulations();
@@ -165,20 +159,14 @@ impl Task {
                 });
             };
             if actions.iter().any(|a| a.modulation == index) {
-                return Err(invalid(
-                    format!("action.{i}.modulates"),
-                    format!("names {} twice", action.modulates),
-                ));
+                return Err(invalid(format!("action.{i}.modulates"), format!("names {} twice", action.modulates)));
             }
             let m = &modulations[index];
             let [lower, upper] = action.bounds;
             if !(m.lower <= lower && lower <= upper && upper <= m.upper) {
                 return Err(invalid(
                     format!("action.{i}.bounds"),
-                    format!(
-                        "[{lower}, {upper}] must lie in order within [{}, {}]",
-                        m.lower, m.upper
-                    ),
+                    format!("[{lower}, {upper}] must lie in order within [{}, {}]", m.lower, m.upper),
                 ));
             }
             if !(lower..=upper).contains(&m.neutral) {
@@ -192,20 +180,11 @@ impl Task {
                     ),
                 ));
             }
-            if action
-                .rate_per_stride
-                .is_some_and(|r| r.is_nan() || r <= 0.0)
-            {
-                return Err(invalid(
-                    format!("action.{i}.rate_per_stride"),
-                    "must be positive".into(),
-                ));
+            if action.rate_per_stride.is_some_and(|r| r.is_nan() || r <= 0.0) {
+                return Err(invalid(format!("action.{i}.rate_per_stride"), "must be positive".into()));
             }
             if !(action.gain > 0.0 && action.gain <= 1.0) {
-                return Err(invalid(
-                    format!("action.{i}.gain"),
-                    "must lie in (0, 1]".into(),
-                ));
+                return Err(invalid(format!("action.{i}.gain"), "must lie in (0, 1]".into()));
             }
             actions.push(PlantAction {
                 modulation: index,
@@ -227,11 +206,7 @@ impl Task {
     ///
     /// As [`Self::validate`].
     pub fn action_limits(&self) -> Result<Vec<ActionLimits>, LabError> {
-        Ok(self
-            .plant_actions()?
-            .into_iter()
-            .map(|a| a.limits)
-            .collect())
+        Ok(self.plant_actions()?.into_iter().map(|a| a.limits).collect())
     }
 
     /// The policy that leaves the nominal gait alone.
@@ -253,13 +228,7 @@ impl Task {
     /// As [`Self::validate`].
     pub fn process_spec(&self) -> Result<ProcessSpec, LabError> {
         Ok(ProcessSpec {
-            state: self
-                .state
-                .iter()
-                .map(|c| StateDimension {
-                    name: c.name().into(),
-                })
-                .collect(),
+            state: self.state.iter().map(|c| StateDimension { name: c.name().into() }).collect(),
             action: self
                 .action
                 .iter()
@@ -277,13 +246,7 @@ impl Task {
     #[must_use]
     pub fn map_config(&self) -> MapConfig {
         let components = self.state.iter().enumerate();
-        MapConfig {
-            invariant: components
-                .filter(|(_, c)| c.invariant)
-                .map(|(i, _)| i)
-                .collect(),
-            ..self.map.clone()
-        }
+        MapConfig { invariant: components.filter(|(_, c)| c.invariant).map(|(i, _)| i).collect(), ..self.map.clone() }
     }
 
     /// Whether falls in this phase count towards `algorithm.falls_at_most`: in simulation those of record

@@ -149,18 +149,12 @@ impl RecordConfig {
     #[must_use]
     pub fn walk(&self) -> Option<WalkTimes> {
         let walk_s = self.walk_s?;
-        Some(WalkTimes {
-            walk_s,
-            speed_s: self.speed_s.unwrap_or(walk_s),
-        })
+        Some(WalkTimes { walk_s, speed_s: self.speed_s.unwrap_or(walk_s) })
     }
 
     /// How long an iteration's policy walks.
     #[must_use]
     pub fn iteration_walk(&self) -> Option<WalkTimes> {
-        self.walk().map(|w| WalkTimes {
-            walk_s: w.speed_s,
-            ..w
-        })
+        self.walk().map(|w| WalkTimes { walk_s: w.speed_s, ..w })
     }
 }

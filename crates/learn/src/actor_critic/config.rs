@@ -174,13 +174,7 @@ impl ActorCriticConfig {
     /// Recipe S, for stepping on the small humanoid: state and action in degrees.
     #[must_use]
     pub fn stepping_small() -> Self {
-        Self {
-            basis_widths: vec![3.0],
-            action_unit: vec![1.0],
-            actor_step: 0.1,
-            trials: 400,
-            ..Self::stepping()
-        }
+        Self { basis_widths: vec![3.0], action_unit: vec![1.0], actor_step: 0.1, trials: 400, ..Self::stepping() }
     }
 
     /// Recipe W, for walking by one amplitude: state (deg, deg, deg/s), action in degrees. The first
@@ -217,12 +211,7 @@ impl ActorCriticConfig {
             positive("action_unit", u)?;
         }
         let g = self.discount;
-        check_number(
-            "discount",
-            g,
-            (0.0..1.0).contains(&g),
-            "at least 0 and below 1",
-        )?;
+        check_number("discount", g, (0.0..1.0).contains(&g), "at least 0 and below 1")?;
         let a = self.critic_step;
         check_number("critic_step", a, (0.0..=2.0).contains(&a), "from 0 to 2")?;
         let b = self.actor_step;
@@ -241,18 +230,8 @@ impl ActorCriticConfig {
             }
         }
         if let Some([low, high]) = self.std_logit_bounds {
-            check_number(
-                "std_logit_bounds",
-                low,
-                low <= high,
-                "finite, the lower one first",
-            )?;
-            check_number(
-                "std_logit_bounds",
-                high,
-                true,
-                "finite, the lower one first",
-            )?;
+            check_number("std_logit_bounds", low, low <= high, "finite, the lower one first")?;
+            check_number("std_logit_bounds", high, true, "finite, the lower one first")?;
         }
         fraction("full_step_fraction", self.full_step_fraction)?;
         fraction("final_step_fraction", self.final_step_fraction)?;
@@ -306,10 +285,7 @@ mod tests {
         ] {
             config.validate().unwrap();
             let text = serde_json::to_string(&config).unwrap();
-            assert_eq!(
-                serde_json::from_str::<ActorCriticConfig>(&text).unwrap(),
-                config
-            );
+            assert_eq!(serde_json::from_str::<ActorCriticConfig>(&text).unwrap(), config);
         }
         let sparse = r#"{ "basis_widths": [0.5], "action_unit": [1.0] }"#;
         let config: ActorCriticConfig = serde_json::from_str(sparse).unwrap();
@@ -322,58 +298,15 @@ mod tests {
     fn bad_values_are_named() {
         let good = ActorCriticConfig::stepping();
         let cases: [(&str, ActorCriticConfig); 6] = [
-            (
-                "critic_step",
-                ActorCriticConfig {
-                    critic_step: f64::NAN,
-                    ..good.clone()
-                },
-            ),
-            (
-                "trials",
-                ActorCriticConfig {
-                    trials: 0,
-                    ..good.clone()
-                },
-            ),
-            (
-                "restart_every",
-                ActorCriticConfig {
-                    restart_every: Some(0),
-                    ..good.clone()
-                },
-            ),
-            (
-                "mean_weight_limit",
-                ActorCriticConfig {
-                    mean_weight_limit: Some(vec![]),
-                    ..good.clone()
-                },
-            ),
-            (
-                "std_logit_bounds",
-                ActorCriticConfig {
-                    std_logit_bounds: Some([1.0, 0.0]),
-                    ..good.clone()
-                },
-            ),
-            (
-                "basis_widths",
-                ActorCriticConfig {
-                    basis_widths: vec![-1.0],
-                    ..good
-                },
-            ),
+            ("critic_step", ActorCriticConfig { critic_step: f64::NAN, ..good.clone() }),
+            ("trials", ActorCriticConfig { trials: 0, ..good.clone() }),
+            ("restart_every", ActorCriticConfig { restart_every: Some(0), ..good.clone() }),
+            ("mean_weight_limit", ActorCriticConfig { mean_weight_limit: Some(vec![]), ..good.clone() }),
+            ("std_logit_bounds", ActorCriticConfig { std_logit_bounds: Some([1.0, 0.0]), ..good.clone() }),
+            ("basis_widths", ActorCriticConfig { basis_widths: vec![-1.0], ..good }),
         ];
         for (field, config) in cases {
-            assert!(
-                config
-                    .validate()
-                    .unwrap_err()
-                    .to_string()
-                    .starts_with(field),
-                "{field}"
-            );
+            assert!(config.validate().unwrap_err().to_string().starts_with(field), "{field}");
         }
     }
 }

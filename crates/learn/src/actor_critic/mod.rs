@@ -67,10 +67,7 @@ impl Learner for ActorCritic {
         let mut run = ActorCriticRun::new(&self.config, process.spec(), initial)?;
         for _ in 0..self.config.trials {
             let summary = run.run_trial(process, rng)?;
-            observer(&TrialReport {
-                summary: &summary,
-                policy: run.policy(),
-            });
+            observer(&TrialReport { summary: &summary, policy: run.policy() });
         }
         Ok(run.finish())
     }
@@ -124,21 +121,13 @@ impl ActorCriticRun {
         initial: Option<&SavedPolicy>,
     ) -> Result<Self, LearnError> {
         config.validate()?;
-        let scratch = GaussianPolicy::new(
-            spec.clone(),
-            &config.basis_widths,
-            &config.action_unit,
-            config.std_scale,
-        )?;
+        let scratch = GaussianPolicy::new(spec.clone(), &config.basis_widths, &config.action_unit, config.std_scale)?;
         let policy = match initial {
             None => scratch,
             Some(SavedPolicy::GaussianNetwork(policy)) => warm_start(policy, &scratch, config)?,
             Some(other) => {
                 let found = other.kind();
-                return Err(LearnError::InitialPolicy {
-                    expected: "gaussian_network",
-                    found,
-                });
+                return Err(LearnError::InitialPolicy { expected: "gaussian_network", found });
             }
         };
         let traces = vec![0.0; policy.network().len() * 2 * spec.action.len()];
@@ -170,11 +159,7 @@ impl ActorCriticRun {
     #[must_use]
     pub fn finish(self) -> LearnOutcome {
         let policy = self.average.map_or(self.policy, |(policy, _)| policy);
-        LearnOutcome {
-            policy: policy.to_saved(),
-            trials: self.trials,
-            strides: self.strides,
-        }
+        LearnOutcome { policy: policy.to_saved(), trials: self.trials, strides: self.strides }
     }
 
     /// Learns for one more trial.
@@ -196,10 +181,7 @@ impl ActorCriticRun {
     ) -> Result<TrialSummary, LearnError> {
         let trial = self.trials.len();
         let factor = self.config.step_factor(trial);
-        let (alpha, beta) = (
-            factor * self.config.critic_step,
-            factor * self.config.actor_step,
-        );
+        let (alpha, beta) = (factor * self.config.critic_step, factor * self.config.actor_step);
         let m = self.policy.spec().action.len();
         let strides = self.config.strides_per_trial;
         let restart_every = self.config.restart_every.unwrap_or(strides);
@@ -210,10 +192,7 @@ impl ActorCriticRun {
         // Strides of the running episode; `None` when the process must be reset first.
         let mut episode: Option<usize> = None;
         for stride in 0..strides {
-            let at = Place {
-                trial: trial + 1,
-                stride: stride + 1,
-            };
+            let at = Place { trial: trial + 1, stride: stride + 1 };
             let done = match episode {
                 Some(done) => done,
                 None => {
@@ -240,9 +219,7 @@ impl ActorCriticRun {
                 0.0
             } else {
                 self.check_state(&result.next_state, at)?;
-                self.policy
-                    .network()
-                    .activate(&result.next_state, &mut self.there);
+                self.policy.network().activate(&result.next_state, &mut self.there);
                 self.policy.network().output(&self.there, 2 * m)
             };
             let td_error = result.reward + self.config.discount * next_value - outputs[2 * m];
@@ -264,18 +241,8 @@ impl ActorCriticRun {
         if tally.strides == 0 {
             return Err(LearnError::AllAborted { trial: trial + 1 });
         }
-        if self
-            .policy
-            .network()
-            .all_weights()
-            .iter()
-            .any(|w| !w.is_finite())
-        {
-            return Err(Place {
-                trial: trial + 1,
-                stride: strides,
-            }
-            .diverged());
+        if self.policy.network().all_weights().iter().any(|w| !w.is_finite()) {
+            return Err(Place { trial: trial + 1, stride: strides }.diverged());
         }
         self.average_policy(trial);
         let summary = tally.summary(trial + 1, self.policy.network().len());
@@ -284,24 +251,14 @@ impl ActorCriticRun {
     }
 
     /// Draws outputs, leaves ∂ ln π by mean and logit in `scores`, and answers with the action.
-    fn draw(
-        &self,
-        outputs: &[f64],
-        scores: &mut [f64],
-        rng: &mut ChaCha8Rng,
-        at: Place,
-    ) -> Result<Action, LearnError> {
+    fn draw(&self, outputs: &[f64], scores: &mut [f64], rng: &mut ChaCha8Rng, at: Place) -> Result<Action, LearnError> {
         let m = scores.len() / 2;
         let mut action = Action::from_elem(0.0, m);
         for j in 0..m {
             let z: f64 = StandardNormal.sample(rng);
             let score = Score::drawn(z, outputs[m + j], self.policy.std_scale());
             let output = outputs[j] + score.std * z;
-            let scale = if self.config.scale_gradient_by_variance {
-                score.std * score.std
-            } else {
-                1.0
-            };
+            let scale = if self.config.scale_gradient_by_variance { score.std * score.std } else { 1.0 };
             scores[j] = score.mean * scale;
             scores[m + j] = score.std_logit * scale;
             action[j] = self.policy.clip(output, j);
@@ -317,11 +274,7 @@ impl ActorCriticRun {
         let (m, eta) = (scores.len() / 2, self.config.trace_decay);
         let logit_bounds = self.config.std_logit_bounds;
         let mean_bounds = self.mean_weight_bounds();
-        let rows = self
-            .policy
-            .network_mut()
-            .all_weights_mut()
-            .chunks_exact_mut(2 * m + 1);
+        let rows = self.policy.network_mut().all_weights_mut().chunks_exact_mut(2 * m + 1);
         let traces = self.traces.chunks_exact_mut(2 * m);
         for ((row, trace), b) in rows.zip(traces).zip(self.here.normalized()) {
             for ((w, e), g) in row.iter_mut().zip(trace).zip(scores) {
@@ -347,12 +300,7 @@ impl ActorCriticRun {
         if !within && limits.is_none() {
             return SmallVec::new();
         }
-        let actions = self
-            .policy
-            .spec()
-            .action
-            .iter()
-            .zip(self.policy.action_unit());
+        let actions = self.policy.spec().action.iter().zip(self.policy.action_unit());
         actions
             .enumerate()
             .map(|(j, (bounds, unit))| {
@@ -404,10 +352,7 @@ impl ActorCriticRun {
     fn check_state(&self, state: &State, at: Place) -> Result<(), LearnError> {
         let expected = self.policy.spec().state.len();
         if state.len() != expected {
-            return Err(LearnError::StateLength {
-                expected,
-                found: state.len(),
-            });
+            return Err(LearnError::StateLength { expected, found: state.len() });
         }
         state.iter().try_for_each(|x| at.check_finite("state", *x))
     }
@@ -420,27 +365,15 @@ fn warm_start(
     config: &ActorCriticConfig,
 ) -> Result<GaussianPolicy, LearnError> {
     check_same_components(policy.spec(), scratch.spec())?;
-    let same = |a: &[f64], b: &[f64]| {
-        a.iter()
-            .map(|v| v.to_bits())
-            .eq(b.iter().map(|v| v.to_bits()))
-    };
+    let same = |a: &[f64], b: &[f64]| a.iter().map(|v| v.to_bits()).eq(b.iter().map(|v| v.to_bits()));
     for (field, ours, theirs) in [
-        (
-            "basis_widths",
-            config.basis_widths.as_slice(),
-            policy.network().widths(),
-        ),
+        ("basis_widths", config.basis_widths.as_slice(), policy.network().widths()),
         ("action_unit", &config.action_unit, policy.action_unit()),
         ("std_scale", &[config.std_scale], &[policy.std_scale()]),
     ] {
         if !same(ours, theirs) {
             let value = format!("{ours:?} (the initial policy has {theirs:?})");
-            return Err(LearnError::parameter(
-                field,
-                value,
-                "that of the initial policy",
-            ));
+            return Err(LearnError::parameter(field, value, "that of the initial policy"));
         }
     }
     let mut policy = policy.clone();
@@ -463,22 +396,14 @@ struct Place {
 
 impl Place {
     const fn diverged(self) -> LearnError {
-        LearnError::Diverged {
-            trial: self.trial,
-            stride: self.stride,
-        }
+        LearnError::Diverged { trial: self.trial, stride: self.stride }
     }
 
     fn check_finite(self, quantity: &'static str, value: f64) -> Result<(), LearnError> {
         if value.is_finite() {
             return Ok(());
         }
-        Err(LearnError::NotFinite {
-            quantity,
-            value,
-            trial: self.trial,
-            stride: self.stride,
-        })
+        Err(LearnError::NotFinite { quantity, value, trial: self.trial, stride: self.stride })
     }
 }
 

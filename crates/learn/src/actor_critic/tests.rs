@@ -18,19 +18,9 @@ struct Script {
 fn script(strides: &[(f64, f64, StrideEnd)]) -> Script {
     let spec = ProcessSpec {
         state: vec![StateDimension { name: "x".into() }],
-        action: vec![ActionDimension {
-            name: "u".into(),
-            lower: -100.0,
-            upper: 100.0,
-        }],
+        action: vec![ActionDimension { name: "u".into(), lower: -100.0, upper: 100.0 }],
     };
-    Script {
-        spec,
-        strides: strides.to_vec(),
-        played: 0,
-        resets: 0,
-        actions: Vec::new(),
-    }
+    Script { spec, strides: strides.to_vec(), played: 0, resets: 0, actions: Vec::new() }
 }
 
 impl StrideProcess for Script {
@@ -48,12 +38,7 @@ impl StrideProcess for Script {
         self.played += 1;
         self.actions.push(action[0]);
         let next_state = State::from_slice(&[x]);
-        Ok(Stride {
-            action: Action::from_slice(action),
-            next_state,
-            reward,
-            end,
-        })
+        Ok(Stride { action: Action::from_slice(action), next_state, reward, end })
     }
 }
 
@@ -75,10 +60,7 @@ fn config(strides_per_trial: usize) -> ActorCriticConfig {
     }
 }
 
-fn run(
-    config: &ActorCriticConfig,
-    process: &mut Script,
-) -> Result<(GaussianPolicy, TrialSummary), LearnError> {
+fn run(config: &ActorCriticConfig, process: &mut Script) -> Result<(GaussianPolicy, TrialSummary), LearnError> {
     let initial = value_two(&process.spec);
     let mut run = ActorCriticRun::new(config, &process.spec, Some(&initial))?;
     let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -119,14 +101,7 @@ fn a_fall_and_a_cut_reset_the_process_and_nothing_else_does() {
     run(&config(4), &mut process).unwrap();
     assert_eq!(process.resets, 2);
     let mut process = script(&[crossing; 6]);
-    run(
-        &ActorCriticConfig {
-            restart_every: Some(2),
-            ..config(6)
-        },
-        &mut process,
-    )
-    .unwrap();
+    run(&ActorCriticConfig { restart_every: Some(2), ..config(6) }, &mut process).unwrap();
     assert_eq!(process.resets, 3);
 }
 
@@ -136,10 +111,7 @@ fn nothing_is_learned_from_an_aborted_stride() {
     let mut process = script(&[aborted, (0.0, -1.0, StrideEnd::Fell)]);
     let (policy, summary) = run(&config(2), &mut process).unwrap();
     close(policy.value(&[0.0]), 0.5);
-    assert_eq!(
-        (summary.strides, summary.aborted, process.resets),
-        (1, 1, 2)
-    );
+    assert_eq!((summary.strides, summary.aborted, process.resets), (1, 1, 2));
     let error = run(&config(2), &mut script(&[aborted, aborted])).unwrap_err();
     assert!(matches!(error, LearnError::AllAborted { trial: 1 }));
 }
@@ -147,15 +119,9 @@ fn nothing_is_learned_from_an_aborted_stride() {
 /// Eqs. (18) to (22) for two strides, by hand from the actions that the process saw.
 #[test]
 fn traces_carry_over_within_an_episode_only() {
-    let strides = [
-        (0.0, -1.0, StrideEnd::Crossing),
-        (0.0, 0.7, StrideEnd::Crossing),
-    ];
+    let strides = [(0.0, -1.0, StrideEnd::Crossing), (0.0, 0.7, StrideEnd::Crossing)];
     for (restart_every, carried) in [(None, 1.0), (Some(1), 0.0)] {
-        let config = ActorCriticConfig {
-            restart_every,
-            ..config(2)
-        };
+        let config = ActorCriticConfig { restart_every, ..config(2) };
         let mut process = script(&strides);
         let (policy, _) = run(&config, &mut process).unwrap();
 
@@ -168,18 +134,14 @@ fn traces_carry_over_within_an_episode_only() {
             let std = 0.5 * fraction;
             let distance = action / 2.0 - mean;
             e_mean = eta * carried * e_mean + distance / (std * std);
-            e_logit = eta * carried * e_logit
-                + (distance * distance / (std * std) - 1.0) * (1.0 - fraction);
+            e_logit = eta * carried * e_logit + (distance * distance / (std * std) - 1.0) * (1.0 - fraction);
             value += alpha * delta;
             mean += beta * delta * e_mean;
             logit += beta * delta * e_logit;
         }
         let weights = policy.network().weights(0);
         for (found, expected) in weights.iter().zip([mean, logit, value]) {
-            assert!(
-                (found - expected).abs() < 1e-12,
-                "{found} is not {expected}"
-            );
+            assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
         }
     }
 }
@@ -189,15 +151,10 @@ fn weights_stay_within_their_bounds() {
     let mut config = config(200);
     config.mean_weight_limit = Some(vec![0.3]); // 0.15 outputs of 2
     config.std_logit_bounds = Some([-0.1, 0.2]);
-    let strides: Vec<_> = (0..200)
-        .map(|k| (0.0, f64::from(k % 7) - 3.0, StrideEnd::Crossing))
-        .collect();
+    let strides: Vec<_> = (0..200).map(|k| (0.0, f64::from(k % 7) - 3.0, StrideEnd::Crossing)).collect();
     let (policy, _) = run(&config, &mut script(&strides)).unwrap();
     let weights = policy.network().weights(0);
-    assert!(
-        weights[0].abs() <= 0.15 && (-0.1..=0.2).contains(&weights[1]),
-        "{weights:?}"
-    );
+    assert!(weights[0].abs() <= 0.15 && (-0.1..=0.2).contains(&weights[1]), "{weights:?}");
 }
 
 /// The averaged policy is the mean of the frozen ones where no base was added; a base added while
@@ -205,9 +162,7 @@ fn weights_stay_within_their_bounds() {
 #[test]
 fn the_average_is_right_although_bases_are_added() {
     let far = |k: usize| if k >= 24 { 50.0 } else { 0.0 };
-    let strides: Vec<_> = (0..40)
-        .map(|k| (far(k), (k % 5) as f64 - 2.0, StrideEnd::Crossing))
-        .collect();
+    let strides: Vec<_> = (0..40).map(|k| (far(k), (k % 5) as f64 - 2.0, StrideEnd::Crossing)).collect();
     let config = ActorCriticConfig {
         trials: 8,
         average_fraction: 0.5,
@@ -225,10 +180,7 @@ fn the_average_is_right_although_bases_are_added() {
         run.run_trial(&mut process, &mut rng).unwrap();
         frozen.push(run.policy().clone());
     }
-    assert_eq!(
-        (frozen[3].network().len(), frozen[7].network().len()),
-        (1, 2)
-    );
+    assert_eq!((frozen[3].network().len(), frozen[7].network().len()), (1, 2));
     let averaged = run.finish().policy;
     // Far from the new base, at −50, only the first one counts.
     let expected: f64 = frozen[4..].iter().map(|p| p.mean(&[-50.0])[0]).sum::<f64>() / 4.0;
@@ -244,44 +196,16 @@ fn nonsense_is_an_error_and_no_panic() {
     let crossing = StrideEnd::Crossing;
     for (x, r) in [(f64::NAN, 0.0), (0.0, f64::NAN), (f64::INFINITY, 0.0)] {
         let error = run(&config(1), &mut script(&[(x, r, crossing)])).unwrap_err();
-        assert!(
-            matches!(
-                error,
-                LearnError::NotFinite {
-                    trial: 1,
-                    stride: 1,
-                    ..
-                }
-            ),
-            "{error}"
-        );
+        assert!(matches!(error, LearnError::NotFinite { trial: 1, stride: 1, .. }), "{error}");
     }
     let error = run(&config(3), &mut script(&[(0.0, 1e308, crossing); 3])).unwrap_err();
     assert!(matches!(error, LearnError::Diverged { .. }), "{error}");
 
     let process = script(&[]);
-    let constant = crate::ConstantPolicy::new(process.spec.clone(), &[0.0])
-        .unwrap()
-        .to_saved();
+    let constant = crate::ConstantPolicy::new(process.spec.clone(), &[0.0]).unwrap().to_saved();
     let error = ActorCriticRun::new(&config(1), &process.spec, Some(&constant)).unwrap_err();
-    assert!(matches!(
-        error,
-        LearnError::InitialPolicy {
-            found: "constant",
-            ..
-        }
-    ));
-    let narrow = ActorCriticConfig {
-        basis_widths: vec![1.0, 1.0],
-        ..config(1)
-    };
+    assert!(matches!(error, LearnError::InitialPolicy { found: "constant", .. }));
+    let narrow = ActorCriticConfig { basis_widths: vec![1.0, 1.0], ..config(1) };
     let error = ActorCriticRun::new(&narrow, &process.spec, None).unwrap_err();
-    assert!(matches!(
-        error,
-        LearnError::Length {
-            field: "basis_widths",
-            expected: 1,
-            found: 2
-        }
-    ));
+    assert!(matches!(error, LearnError::Length { field: "basis_widths", expected: 1, found: 2 }));
 }

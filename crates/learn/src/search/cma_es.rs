@@ -62,16 +62,10 @@ impl CmaEs {
         }
         let population = population.unwrap_or(4 + (3.0 * (d as f64).ln()).floor() as usize);
         if d == 0 || population < 4 {
-            return Err(LearnError::parameter(
-                "population",
-                population,
-                "at least 4",
-            ));
+            return Err(LearnError::parameter("population", population, "at least 4"));
         }
         let parents = population / 2;
-        let raw: Vec<f64> = (1..=parents)
-            .map(|i| ((population as f64 + 1.0) / 2.0).ln() - (i as f64).ln())
-            .collect();
+        let raw: Vec<f64> = (1..=parents).map(|i| ((population as f64 + 1.0) / 2.0).ln() - (i as f64).ln()).collect();
         let total: f64 = raw.iter().sum();
         Ok(Self {
             mean: DVector::from_column_slice(start),
@@ -105,9 +99,7 @@ impl CmaEs {
                     z * self.lengths[i]
                 });
                 let y = &self.axes * z;
-                (&self.mean + self.step * self.scale.component_mul(&y))
-                    .as_slice()
-                    .to_vec()
+                (&self.mean + self.step * self.scale.component_mul(&y)).as_slice().to_vec()
             })
             .collect()
     }
@@ -138,17 +130,13 @@ impl CmaEs {
         let d_sigma = 1.0 + 2.0 * (((mu_eff - 1.0) / (n + 1.0)).sqrt() - 1.0).max(0.0) + c_sigma;
         let c_c = (4.0 + mu_eff / n) / (n + 4.0 + 2.0 * mu_eff / n);
         let c_1 = 2.0 / ((n + 1.3).powi(2) + mu_eff);
-        let c_mu =
-            (1.0 - c_1).min(2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((n + 2.0).powi(2) + mu_eff));
+        let c_mu = (1.0 - c_1).min(2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((n + 2.0).powi(2) + mu_eff));
         let chi = n.sqrt() * (1.0 - 1.0 / (4.0 * n) + 1.0 / (21.0 * n * n));
 
         let steps: Vec<DVector<f64>> = order
             .iter()
             .take(self.weights.len())
-            .map(|&i| {
-                (DVector::from_column_slice(&points[i]) - &self.mean).component_div(&self.scale)
-                    / self.step
-            })
+            .map(|&i| (DVector::from_column_slice(&points[i]) - &self.mean).component_div(&self.scale) / self.step)
             .collect();
         let mut y = DVector::zeros(d);
         for (w, s) in self.weights.iter().zip(&steps) {
@@ -158,17 +146,11 @@ impl CmaEs {
         self.generation += 1;
 
         let whitened = &self.axes * (self.axes.transpose() * &y).component_div(&self.lengths);
-        self.path_step = (1.0 - c_sigma) * &self.path_step
-            + (c_sigma * (2.0 - c_sigma) * mu_eff).sqrt() * whitened;
+        self.path_step = (1.0 - c_sigma) * &self.path_step + (c_sigma * (2.0 - c_sigma) * mu_eff).sqrt() * whitened;
         let length = self.path_step.norm();
         let grown = 1.0 - (1.0 - c_sigma).powi(2 * self.generation.min(1000) as i32);
-        let h = if length / grown.sqrt() < (1.4 + 2.0 / (n + 1.0)) * chi {
-            1.0
-        } else {
-            0.0
-        };
-        self.path_covariance =
-            (1.0 - c_c) * &self.path_covariance + h * (c_c * (2.0 - c_c) * mu_eff).sqrt() * &y;
+        let h = if length / grown.sqrt() < (1.4 + 2.0 / (n + 1.0)) * chi { 1.0 } else { 0.0 };
+        self.path_covariance = (1.0 - c_c) * &self.path_covariance + h * (c_c * (2.0 - c_c) * mu_eff).sqrt() * &y;
         let stalled = (1.0 - h) * c_c * (2.0 - c_c);
         self.covariance *= 1.0 - c_1 - c_mu + c_1 * stalled;
         self.covariance += c_1 * &self.path_covariance * self.path_covariance.transpose();
@@ -176,8 +158,7 @@ impl CmaEs {
             self.covariance += c_mu * *w * s * s.transpose();
         }
         // A step that grows without end says that the values do not depend on the points.
-        self.step =
-            (self.step * ((c_sigma / d_sigma) * (length / chi - 1.0)).exp()).clamp(1e-12, 1e4);
+        self.step = (self.step * ((c_sigma / d_sigma) * (length / chi - 1.0)).exp()).clamp(1e-12, 1e4);
 
         let symmetric = 0.5 * (&self.covariance + self.covariance.transpose());
         let eigen = symmetric.clone().symmetric_eigen();
@@ -193,12 +174,7 @@ mod tests {
     use super::*;
     use rand_chacha::rand_core::SeedableRng;
 
-    fn maximise(
-        f: &dyn Fn(&[f64]) -> f64,
-        start: &[f64],
-        generations: usize,
-        seed: u64,
-    ) -> Vec<f64> {
+    fn maximise(f: &dyn Fn(&[f64]) -> f64, start: &[f64], generations: usize, seed: u64) -> Vec<f64> {
         let mut search = CmaEs::new(start, &vec![0.5; start.len()], None).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         for _ in 0..generations {

@@ -153,38 +153,21 @@ impl SearchConfig {
             ("population", self.population.unwrap_or(4), 4),
         ] {
             if value < least {
-                let domain = if least == 1 {
-                    "at least 1"
-                } else {
-                    "at least 4"
-                };
+                let domain = if least == 1 { "at least 1" } else { "at least 4" };
                 return Err(LearnError::parameter(field, value, domain));
             }
         }
         if self.unscored_strides >= self.strides_per_episode {
             let domain = "below strides_per_episode";
-            return Err(LearnError::parameter(
-                "unscored_strides",
-                self.unscored_strides,
-                domain,
-            ));
+            return Err(LearnError::parameter("unscored_strides", self.unscored_strides, domain));
         }
-        check_number(
-            "std_weight",
-            self.std_weight,
-            self.std_weight >= 0.0,
-            NOT_NEGATIVE,
-        )?;
+        check_number("std_weight", self.std_weight, self.std_weight >= 0.0, NOT_NEGATIVE)?;
         let penalty = self.unsafe_penalty;
         check_number("unsafe_penalty", penalty, penalty >= 0.0, NOT_NEGATIVE)?;
         if let Some(bound) = self.unsafe_below {
             if bound.component >= states {
                 let domain = "a component of the state";
-                return Err(LearnError::parameter(
-                    "unsafe_below",
-                    bound.component,
-                    domain,
-                ));
+                return Err(LearnError::parameter("unsafe_below", bound.component, domain));
             }
             check_number("unsafe_below", bound.value, true, "finite")?;
         }
@@ -211,26 +194,12 @@ impl SearchConfig {
             check_number("feedback.limit", l, l > 0.0, POSITIVE)?;
         }
         let g = feedback.discount;
-        check_number(
-            "feedback.discount",
-            g,
-            (0.0..=1.0).contains(&g),
-            "from 0 to 1",
-        )?;
-        check_number(
-            "feedback.dither",
-            feedback.dither,
-            feedback.dither > 0.0,
-            POSITIVE,
-        )?;
+        check_number("feedback.discount", g, (0.0..=1.0).contains(&g), "from 0 to 1")?;
+        check_number("feedback.dither", feedback.dither, feedback.dither > 0.0, POSITIVE)?;
         if feedback.linearization_strides <= states + actions + 1 {
             let value = feedback.linearization_strides;
             let domain = "more than states + actions + 1";
-            return Err(LearnError::parameter(
-                "feedback.linearization_strides",
-                value,
-                domain,
-            ));
+            return Err(LearnError::parameter("feedback.linearization_strides", value, domain));
         }
         Ok(())
     }

@@ -10,9 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
-use stridemap_returnmap::{
-    Action, State, Stride, StrideEnd, StrideProcess, linear_quadratic_feedback,
-};
+use stridemap_returnmap::{Action, State, Stride, StrideEnd, StrideProcess, linear_quadratic_feedback};
 
 use crate::error::LearnError;
 use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
@@ -52,22 +50,14 @@ impl Learner for SearchLearner {
         let spec = process.spec().clone();
         config.validate(spec.state.len(), spec.action.len())?;
         let start: Vec<f64> = match initial {
-            None => config
-                .lower
-                .iter()
-                .zip(&config.upper)
-                .map(|(l, u)| 0.5 * (l + u))
-                .collect(),
+            None => config.lower.iter().zip(&config.upper).map(|(l, u)| 0.5 * (l + u)).collect(),
             Some(policy) => {
                 check_same_components(policy.spec(), &spec)?;
                 match policy {
                     SavedPolicy::Constant(p) => p.action().to_vec(),
                     SavedPolicy::Linear(p) => p.action().to_vec(),
                     SavedPolicy::GaussianNetwork(_) => {
-                        return Err(LearnError::InitialPolicy {
-                            expected: "constant or linear",
-                            found: policy.kind(),
-                        });
+                        return Err(LearnError::InitialPolicy { expected: "constant or linear", found: policy.kind() });
                     }
                 }
             }
@@ -100,10 +90,7 @@ impl Learner for SearchLearner {
             search.tell(&points, &values)?;
             let summary = score.summary(generation + 1);
             let policy = ConstantPolicy::new(spec.clone(), &self.clipped(search.mean()))?;
-            observer(&TrialReport {
-                summary: &summary,
-                policy: &policy,
-            });
+            observer(&TrialReport { summary: &summary, policy: &policy });
             trials.push(summary);
         }
 
@@ -124,22 +111,14 @@ impl Learner for SearchLearner {
                 policy.to_saved()
             }
         };
-        Ok(LearnOutcome {
-            policy,
-            trials,
-            strides,
-        })
+        Ok(LearnOutcome { policy, trials, strides })
     }
 }
 
 impl SearchLearner {
     fn clipped(&self, point: &[f64]) -> Vec<f64> {
         let bounds = self.config.lower.iter().zip(&self.config.upper);
-        point
-            .iter()
-            .zip(bounds)
-            .map(|(p, (l, u))| p.clamp(*l, *u))
-            .collect()
+        point.iter().zip(bounds).map(|(p, (l, u))| p.clamp(*l, *u)).collect()
     }
 
     /// Runs the episodes of one candidate.
@@ -164,10 +143,7 @@ impl SearchLearner {
                     continue;
                 }
                 check_stride(&stride, process, trial, k)?;
-                let low = self
-                    .config
-                    .unsafe_below
-                    .is_some_and(|b| stride.next_state[b.component] < b.value);
+                let low = self.config.unsafe_below.is_some_and(|b| stride.next_state[b.component] < b.value);
                 let scored = k >= self.config.unscored_strides;
                 score.count(&stride, low || stride.end.is_terminal(), scored);
             }
@@ -214,10 +190,7 @@ impl SearchLearner {
             // What the action becomes after rate limits is the process's doing: the feedback chooses
             // what is asked for, within the bounds.
             rows.extend(
-                feedback
-                    .components
-                    .iter()
-                    .map(|&c| action[c].clamp(spec.action[c].lower, spec.action[c].upper)),
+                feedback.components.iter().map(|&c| action[c].clamp(spec.action[c].lower, spec.action[c].upper)),
             );
             nexts.extend_from_slice(&stride.next_state);
             for (m, v) in mean.iter_mut().zip(&x) {
@@ -229,10 +202,7 @@ impl SearchLearner {
         let count = nexts.len() / n;
         let needed = n + chosen + 2;
         if count < needed {
-            return Err(LearnError::TooFewStrides {
-                found: count,
-                needed,
-            });
+            return Err(LearnError::TooFewStrides { found: count, needed });
         }
         for m in &mut mean {
             *m /= count as f64;
@@ -269,47 +239,24 @@ impl SearchLearner {
     }
 }
 
-fn check_state(
-    state: &State,
-    process: &dyn StrideProcess,
-    trial: usize,
-    k: usize,
-) -> Result<(), LearnError> {
+fn check_state(state: &State, process: &dyn StrideProcess, trial: usize, k: usize) -> Result<(), LearnError> {
     let expected = process.spec().state.len();
     if state.len() != expected {
-        return Err(LearnError::StateLength {
-            expected,
-            found: state.len(),
-        });
+        return Err(LearnError::StateLength { expected, found: state.len() });
     }
     match state.iter().find(|x| !x.is_finite()) {
         None => Ok(()),
-        Some(&value) => Err(LearnError::NotFinite {
-            quantity: "state",
-            value,
-            trial,
-            stride: k + 1,
-        }),
+        Some(&value) => Err(LearnError::NotFinite { quantity: "state", value, trial, stride: k + 1 }),
     }
 }
 
-fn check_stride(
-    stride: &Stride,
-    process: &dyn StrideProcess,
-    trial: usize,
-    k: usize,
-) -> Result<(), LearnError> {
+fn check_stride(stride: &Stride, process: &dyn StrideProcess, trial: usize, k: usize) -> Result<(), LearnError> {
     check_state(&stride.next_state, process, trial, k)?;
     if stride.reward.is_finite() {
         return Ok(());
     }
     let value = stride.reward;
-    Err(LearnError::NotFinite {
-        quantity: "reward",
-        value,
-        trial,
-        stride: k + 1,
-    })
+    Err(LearnError::NotFinite { quantity: "reward", value, trial, stride: k + 1 })
 }
 
 /// How a candidate, or a generation, fared.
@@ -352,8 +299,7 @@ impl Score {
         let n = self.scored as f64;
         let mean = self.reward / n;
         let variance = (self.reward_square / n - mean * mean).max(0.0);
-        mean - config.std_weight * variance.sqrt()
-            - config.unsafe_penalty * self.not_safe as f64 / n
+        mean - config.std_weight * variance.sqrt() - config.unsafe_penalty * self.not_safe as f64 / n
     }
 
     fn summary(&self, trial: usize) -> TrialSummary {
@@ -419,10 +365,7 @@ mod tests {
     #[test]
     fn constants_and_feedback_are_the_known_ones() {
         let det = 0.4 * 0.8 - 0.1 * 0.1;
-        let exact = [
-            (1.7 * 0.8 + 0.3 * 0.1) / det,
-            (-0.3 * 0.4 - 0.1 * 1.7) / det,
-        ];
+        let exact = [(1.7 * 0.8 + 0.3 * 0.1) / det, (-0.3 * 0.4 - 0.1 * 1.7) / det];
         let gain = linear_quadratic_feedback(
             &DMatrix::from_row_slice(2, 2, &[-0.9, 0.1, 0.0, 0.5]),
             &DMatrix::from_row_slice(2, 1, &[0.4, 0.1]),
@@ -435,23 +378,11 @@ mod tests {
         for seed in 1..=5 {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut learner = SearchLearner { config: config() };
-            let outcome = learner
-                .improve(&mut map(), None, &mut rng, &mut |_| ())
-                .unwrap();
-            let SavedPolicy::Linear(policy) = outcome.policy else {
-                panic!("not linear")
-            };
+            let outcome = learner.improve(&mut map(), None, &mut rng, &mut |_| ()).unwrap();
+            let SavedPolicy::Linear(policy) = outcome.policy else { panic!("not linear") };
             for j in 0..2 {
-                assert!(
-                    (policy.action()[j] - exact[j]).abs() < 0.1,
-                    "{:?}",
-                    policy.action()
-                );
-                assert!(
-                    (policy.gain()[0][j] - gain[j]).abs() < 0.1,
-                    "{:?} {gain}",
-                    policy.gain()
-                );
+                assert!((policy.action()[j] - exact[j]).abs() < 0.1, "{:?}", policy.action());
+                assert!((policy.gain()[0][j] - gain[j]).abs() < 0.1, "{:?} {gain}", policy.gain());
                 assert!(policy.gain()[1][j].abs() < 1e-15);
             }
             // The correction is limited to 0.5.
@@ -462,48 +393,28 @@ mod tests {
 
     #[test]
     fn the_search_stays_in_its_box_and_away_from_what_is_unsafe() {
-        let boxed = SearchConfig {
-            upper: vec![2.0, 10.0],
-            feedback: None,
-            ..config()
-        };
+        let boxed = SearchConfig { upper: vec![2.0, 10.0], feedback: None, ..config() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut observed = 0;
-        let outcome = SearchLearner {
-            config: boxed.clone(),
-        }
-        .improve(&mut map(), None, &mut rng, &mut |report| {
-            observed += 1;
-            assert!(report.policy.mean(&[0.0, 0.0])[0] <= 2.0);
-        })
-        .unwrap();
+        let outcome = SearchLearner { config: boxed.clone() }
+            .improve(&mut map(), None, &mut rng, &mut |report| {
+                observed += 1;
+                assert!(report.policy.mean(&[0.0, 0.0])[0] <= 2.0);
+            })
+            .unwrap();
         assert_eq!(observed, boxed.generations);
         assert!((outcome.policy.mean(&[0.0, 0.0])[0] - 2.0).abs() < 0.05); // the corner
         // x₂ of the optimum is −1; below −0.8 is unsafe.
-        let bound = StateBound {
-            component: 1,
-            value: -0.8,
-        };
-        let safe = SearchConfig {
-            unsafe_below: Some(bound),
-            unsafe_penalty: 10.0,
-            feedback: None,
-            ..config()
-        };
+        let bound = StateBound { component: 1, value: -0.8 };
+        let safe = SearchConfig { unsafe_below: Some(bound), unsafe_penalty: 10.0, feedback: None, ..config() };
         let mean_x = |config| {
             let mut rng = ChaCha8Rng::seed_from_u64(1);
             let mut learner = SearchLearner { config };
-            let policy = learner
-                .improve(&mut map(), None, &mut rng, &mut |_| ())
-                .unwrap()
-                .policy;
+            let policy = learner.improve(&mut map(), None, &mut rng, &mut |_| ()).unwrap().policy;
             let u = policy.mean(&[0.0, 0.0]);
             (-0.2 + 0.1 * u[0] + 0.8 * u[1]) / 0.5 // x₂ at rest
         };
-        let free = mean_x(SearchConfig {
-            feedback: None,
-            ..config()
-        });
+        let free = mean_x(SearchConfig { feedback: None, ..config() });
         let kept = mean_x(safe);
         assert!((free + 1.0).abs() < 0.05 && kept > -0.75, "{free} {kept}");
     }

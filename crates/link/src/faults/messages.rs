@@ -51,8 +51,7 @@ pub(super) fn bad_messages(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError
         raw.seen();
         let began = Instant::now();
         bad();
-        rig.listener
-            .wait(began, Duration::from_secs(2), |s| count(s) > count(&before));
+        rig.listener.wait(began, Duration::from_secs(2), |s| count(s) > count(&before));
         let took_s = began.elapsed().as_secs_f64();
         for _ in 0..10 {
             good();
@@ -61,8 +60,8 @@ pub(super) fn bad_messages(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError
         let seen = count(&rig.last()) - count(&before);
         let follows = rig.last().act == "follow";
         let limits = limits()[0];
-        let within = joints.fastest_rad_s <= limits.velocity_rad_s * (1.0 + 1e-6)
-            && joints.farthest_rad <= limits.upper_rad;
+        let within =
+            joints.fastest_rad_s <= limits.velocity_rad_s * (1.0 + 1e-6) && joints.farthest_rad <= limits.upper_rad;
         rows.push(FaultRow::new(
             fault,
             format!(

@@ -65,15 +65,7 @@ const HOLD_WITHIN_S: f64 = 0.05 + 2.0 * stand_in::PERIOD_S + 0.05;
 
 /// What was seen, or that the fault could not be tried and why.
 fn tried(fault: &str, seen: Result<FaultRow, LinkError>) -> FaultRow {
-    seen.unwrap_or_else(|error| {
-        FaultRow::new(
-            fault,
-            format!("could not be tried: {error}"),
-            None,
-            true,
-            false,
-        )
-    })
+    seen.unwrap_or_else(|error| FaultRow::new(fault, format!("could not be tried: {error}"), None, true, false))
 }
 
 fn ms(seconds: f64) -> String {
@@ -87,10 +79,7 @@ fn ms(seconds: f64) -> String {
 pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
     let mut domain = link.domain;
     let mut next = || {
-        let link = Ros2Config {
-            domain,
-            ..link.clone()
-        };
+        let link = Ros2Config { domain, ..link.clone() };
         // The robot's and the controller's.
         domain += 2;
         link
@@ -99,20 +88,14 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
         let fault = format!("network cut for {for_ms} ms");
         row(tried(&fault, network::cut(&next(), for_ms)));
     }
-    row(tried(
-        "every message delayed by 200 ms",
-        network::delayed(&next(), 0.2),
-    ));
+    row(tried("every message delayed by 200 ms", network::delayed(&next(), 0.2)));
     let fair = NetworkConditions::default();
     row(tried(
         "reordered: one of 5 messages overtaken by the next",
         network::borne(
             &next(),
             "reordered: one of 5 messages overtaken by the next",
-            NetworkConditions {
-                overtake_one_of: Some(5),
-                ..fair
-            },
+            NetworkConditions { overtake_one_of: Some(5), ..fair },
             |r| r.out_of_order,
             "heartbeats out of order refused",
         ),
@@ -122,10 +105,7 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
         network::borne(
             &next(),
             "duplicated: every message twice",
-            NetworkConditions {
-                twice: true,
-                ..fair
-            },
+            NetworkConditions { twice: true, ..fair },
             |r| r.out_of_order,
             "heartbeats refused as known",
         ),
@@ -135,10 +115,7 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
         network::borne(
             &next(),
             "5 % lost: one of 20 messages of each topic",
-            NetworkConditions {
-                lose_one_of: Some(20),
-                ..fair
-            },
+            NetworkConditions { lose_one_of: Some(20), ..fair },
             |r| r.stale,
             "commands refused",
         ),
@@ -165,10 +142,7 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
     for (fault, lie) in lies {
         row(tried(fault, robot::lying_robot(&next(), fault, lie)));
     }
-    row(tried(
-        "e-stop during a stride",
-        robot::emergency_stop(&next()),
-    ));
+    row(tried("e-stop during a stride", robot::emergency_stop(&next())));
     row(tried("second writer", robot::second_writer(&next())));
 }
 

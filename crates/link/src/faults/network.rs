@@ -25,10 +25,7 @@ pub(super) fn cut(link: &Ros2Config, for_ms: u64) -> Result<FaultRow, LinkError>
     walk(&mut controller, 50)?;
     let began = Instant::now();
     let for_s = 1e-3 * for_ms as f64;
-    rig.network.set(NetworkConditions {
-        cut: true,
-        ..NetworkConditions::default()
-    });
+    rig.network.set(NetworkConditions { cut: true, ..NetworkConditions::default() });
     let after = std::thread::scope(|scope| {
         scope.spawn(|| {
             std::thread::sleep(Duration::from_millis(for_ms));
@@ -47,9 +44,7 @@ pub(super) fn cut(link: &Ros2Config, for_ms: u64) -> Result<FaultRow, LinkError>
             format!("holds after {}, gives way after {}", ms(hold), ms(damp))
         }
     };
-    let told = after
-        .err()
-        .map_or("goes on".into(), |e| format!("aborted ({e})"));
+    let told = after.err().map_or("goes on".into(), |e| format!("aborted ({e})"));
     let in_time = if for_s > 0.05 + PERIOD_S {
         FaultRow::held_in_time(hold) && (for_s < 0.6 || damp.is_some())
     } else {
@@ -71,10 +66,7 @@ pub(super) fn delayed(link: &Ros2Config, delay_s: f64) -> Result<FaultRow, LinkE
     let mut controller = rig.controller()?;
     walk(&mut controller, 50)?;
     let began = Instant::now();
-    rig.network.set(NetworkConditions {
-        delay_s,
-        ..NetworkConditions::default()
-    });
+    rig.network.set(NetworkConditions { delay_s, ..NetworkConditions::default() });
     let after = walk(&mut controller, 200);
     let aborted_s = began.elapsed().as_secs_f64();
     let is_safe = |s: &Status| s.act != "follow";

@@ -35,14 +35,8 @@ pub(super) struct Rig {
 impl Rig {
     /// Uses the link's domain and the one above.
     pub fn start(link: &Ros2Config) -> Result<Self, LinkError> {
-        let robot_side = Ros2Config {
-            silence_s: 0.5,
-            ..link.clone()
-        };
-        let controller_side = Ros2Config {
-            domain: link.domain + 1,
-            ..robot_side.clone()
-        };
+        let robot_side = Ros2Config { silence_s: 0.5, ..link.clone() };
+        let controller_side = Ros2Config { domain: link.domain + 1, ..robot_side.clone() };
         let stop = Arc::new(AtomicBool::new(false));
         let config = Serve {
             link: robot_side.clone(),
@@ -61,15 +55,7 @@ impl Rig {
             controller_side,
             server: Some({
                 let flag = Arc::clone(&stop);
-                std::thread::spawn(move || {
-                    serve(
-                        &mut StandIn::new(),
-                        &[0.0; JOINTS],
-                        &config,
-                        &flag,
-                        &mut || {},
-                    )
-                })
+                std::thread::spawn(move || serve(&mut StandIn::new(), &[0.0; JOINTS], &config, &flag, &mut || {}))
             }),
             stop,
         };
@@ -84,8 +70,7 @@ impl Rig {
     /// A controller behind the network, standing and ready.
     pub fn controller(&self) -> Result<RemoteMachine, LinkError> {
         let link = &self.controller_side;
-        let mut machine =
-            RemoteMachine::open(link, names(), limits(), PERIOD_S, Box::new(AlwaysConfirms))?;
+        let mut machine = RemoteMachine::open(link, names(), limits(), PERIOD_S, Box::new(AlwaysConfirms))?;
         machine.reset(&[0.0; JOINTS], &mut ChaCha8Rng::seed_from_u64(0))?;
         Ok(machine)
     }
@@ -141,17 +126,12 @@ pub(super) struct Seen {
 
 impl Raw {
     pub fn command(&self, data: Vec<f64>) {
-        let _ = self.commands.publish(Float64MultiArray {
-            data,
-            ..Float64MultiArray::default()
-        });
+        let _ = self.commands.publish(Float64MultiArray { data, ..Float64MultiArray::default() });
     }
 
     pub fn beat(&self, sequence: u64, stamp_ns: u64) {
-        let _ = self.heartbeat.publish(UInt64MultiArray {
-            data: vec![sequence, stamp_ns],
-            ..UInt64MultiArray::default()
-        });
+        let _ =
+            self.heartbeat.publish(UInt64MultiArray { data: vec![sequence, stamp_ns], ..UInt64MultiArray::default() });
     }
 
     /// Waits for the next state; its stamp.

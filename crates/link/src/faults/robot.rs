@@ -12,9 +12,7 @@ use super::rig::{Rig, walk};
 use super::stand_in::{JOINTS, PERIOD_S, StandIn, limits, names};
 use super::{FaultRow, ms};
 use crate::error::LinkError;
-use crate::messages::{
-    Float64MultiArray, Header, Imu, JointState, RosTime, WrenchStamped, to_messages,
-};
+use crate::messages::{Float64MultiArray, Header, Imu, JointState, RosTime, WrenchStamped, to_messages};
 use crate::node::{LinkNode, drain};
 use crate::remote::{AlwaysConfirms, RemoteMachine};
 use crate::stop::send_stop;
@@ -36,11 +34,7 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
     for _ in 0..200 {
         raw.command(vec![0.9; JOINTS]);
         after = walk(&mut controller, 1);
-        let angles = controller
-            .frame()
-            .joints
-            .iter()
-            .map(|j| j.position_rad.abs());
+        let angles = controller.frame().joints.iter().map(|j| j.position_rad.abs());
         farthest = angles.fold(farthest, f64::max);
         if after.is_err() {
             break;
@@ -48,9 +42,7 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
     }
     let took_s = controller.frame().time_s - start_s;
     // The controller may hear of the second before the robot has said what it did with its commands.
-    rig.listener.wait(began, Duration::from_secs(2), |s| {
-        s.refusals.second_writer > 0
-    });
+    rig.listener.wait(began, Duration::from_secs(2), |s| s.refusals.second_writer > 0);
     let refused = rig.last().refusals.second_writer;
     // The second goes on until it has the robot; a new start is then refused.
     let stop = AtomicBool::new(false);
@@ -63,9 +55,7 @@ pub(super) fn second_writer(link: &Ros2Config) -> Result<FaultRow, LinkError> {
         });
         // Long enough for the robot to take the second for its writer.
         std::thread::sleep(Duration::from_millis(1500));
-        let again = controller
-            .reset(&[0.0; JOINTS], &mut generator())
-            .map(|_| ());
+        let again = controller.reset(&[0.0; JOINTS], &mut generator()).map(|_| ());
         stop.store(true, Ordering::Relaxed);
         again
     });
@@ -96,43 +86,28 @@ pub(super) fn emergency_stop(link: &Ros2Config) -> Result<FaultRow, LinkError> {
         walk(&mut controller, 2000)
     });
     let stopped = matches!(after, Err(RobotError::EmergencyStop { .. }));
-    rig.listener.wait(began, Duration::from_secs(2), |s| {
-        s.stopped.is_some() && s.act == "damp"
-    });
+    rig.listener.wait(began, Duration::from_secs(2), |s| s.stopped.is_some() && s.act == "damp");
     // How long the robot followed after the stop was pressed: from its own words.
     let heard = rig.listener.since(began);
     let pressed = heard.iter().find(|s| s.stopped.is_some());
-    let damped = heard
-        .iter()
-        .find(|s| s.stopped.is_some() && s.act == "damp");
+    let damped = heard.iter().find(|s| s.stopped.is_some() && s.act == "damp");
     let within_s = match (pressed, damped) {
         (Some(pressed), Some(damped)) => Some((damped.time_s - pressed.time_s).max(0.0)),
         _ => None,
     };
-    let again = controller
-        .reset(&[0.0; JOINTS], &mut generator())
-        .map(|_| ());
+    let again = controller.reset(&[0.0; JOINTS], &mut generator()).map(|_| ());
     let latched = matches!(again, Err(RobotError::EmergencyStop { .. }));
     let rearmed = Instant::now();
     let _ = send_stop(&rig.robot_side, "", true)?;
-    rig.listener
-        .wait(rearmed, Duration::from_secs(2), |s| s.stopped.is_none());
+    rig.listener.wait(rearmed, Duration::from_secs(2), |s| s.stopped.is_none());
     let moves = controller.reset(&[0.0; JOINTS], &mut generator()).is_ok();
     Ok(FaultRow::new(
         "e-stop during a stride",
         format!(
             "robot gives way within {} of hearing it, {}, {} re-armed by hand; stride aborted",
             ms(within_s.unwrap_or(f64::NAN)),
-            if latched {
-                "refuses to start"
-            } else {
-                "STARTS AGAIN"
-            },
-            if moves {
-                "moves once"
-            } else {
-                "does NOT move when"
-            }
+            if latched { "refuses to start" } else { "STARTS AGAIN" },
+            if moves { "moves once" } else { "does NOT move when" }
         ),
         within_s,
         stopped,
@@ -146,18 +121,11 @@ pub(super) type Lie = fn(k: u64, frame: &mut SensorFrame, stamp_ns: &mut u64, fo
 
 /// A robot whose sensors can be made to lie. It has no guard and no status: a real robot need not have any.
 pub(super) fn lying_robot(link: &Ros2Config, fault: &str, lie: Lie) -> Result<FaultRow, LinkError> {
-    let link = Ros2Config {
-        silence_s: 0.5,
-        sets_itself_up: false,
-        ..link.clone()
-    };
+    let link = Ros2Config { silence_s: 0.5, sets_itself_up: false, ..link.clone() };
     let mut node = LinkNode::open(&link, "liar")?;
     let joints = node.publisher::<JointState>(&link.joint_states)?;
     let imu = node.publisher::<Imu>(&link.imu)?;
-    let feet = [
-        node.publisher::<WrenchStamped>(&link.left_foot)?,
-        node.publisher::<WrenchStamped>(&link.right_foot)?,
-    ];
+    let feet = [node.publisher::<WrenchStamped>(&link.left_foot)?, node.publisher::<WrenchStamped>(&link.right_foot)?];
     let commands = node.subscription::<Float64MultiArray>(&link.commands)?;
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
@@ -189,10 +157,7 @@ pub(super) fn lying_robot(link: &Ros2Config, fault: &str, lie: Lie) -> Result<Fa
             if let Some(from) = lies_from {
                 lie(k - from, &mut frame, &mut stamp, &mut foot);
             }
-            let header = || Header {
-                stamp: RosTime::from_nanoseconds(stamp),
-                frame_id: "base".into(),
-            };
+            let header = || Header { stamp: RosTime::from_nanoseconds(stamp), frame_id: "base".into() };
             let (js, im, [left, right]) = to_messages(&frame, &names(), &header());
             if foot {
                 let _ = feet[0].publish(left);
@@ -204,8 +169,7 @@ pub(super) fn lying_robot(link: &Ros2Config, fault: &str, lie: Lie) -> Result<Fa
         }
     });
     let result = (|| {
-        let mut controller =
-            RemoteMachine::open(&link, names(), limits(), PERIOD_S, Box::new(AlwaysConfirms))?;
+        let mut controller = RemoteMachine::open(&link, names(), limits(), PERIOD_S, Box::new(AlwaysConfirms))?;
         controller.reset(&[0.0; JOINTS], &mut generator())?;
         let after = walk(&mut controller, 1000);
         // On this machine's clock: the robot's own may be what lies.
@@ -218,13 +182,7 @@ pub(super) fn lying_robot(link: &Ros2Config, fault: &str, lie: Lie) -> Result<Fa
             ms(took_s),
             said.unwrap_or_default()
         );
-        Ok(FaultRow::new(
-            fault,
-            seen,
-            Some(took_s),
-            aborted,
-            since.is_some(),
-        ))
+        Ok(FaultRow::new(fault, seen, Some(took_s), aborted, since.is_some()))
     })();
     stop.store(true, Ordering::Relaxed);
     let _ = liar.join();

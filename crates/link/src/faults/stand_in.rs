@@ -2,8 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_robot::{
-    JointLimits, JointState as JointReading, Machine, MachineDescription, RobotError, SensorFrame,
-    check_command,
+    JointLimits, JointState as JointReading, Machine, MachineDescription, RobotError, SensorFrame, check_command,
 };
 
 pub(super) const PERIOD_S: f64 = 0.008;
@@ -21,12 +20,7 @@ pub(super) fn names() -> Vec<String> {
 }
 
 pub(super) fn limits() -> Vec<JointLimits> {
-    let one = JointLimits {
-        lower_rad: -1.0,
-        upper_rad: 1.0,
-        velocity_rad_s: 5.0,
-        torque_nm: 1.0,
-    };
+    let one = JointLimits { lower_rad: -1.0, upper_rad: 1.0, velocity_rad_s: 5.0, torque_nm: 1.0 };
     vec![one; JOINTS]
 }
 
@@ -59,11 +53,7 @@ impl Machine for StandIn {
         &self.description
     }
 
-    fn reset(
-        &mut self,
-        command_rad: &[f64],
-        _rng: &mut ChaCha8Rng,
-    ) -> Result<&SensorFrame, RobotError> {
+    fn reset(&mut self, command_rad: &[f64], _rng: &mut ChaCha8Rng) -> Result<&SensorFrame, RobotError> {
         self.periods = 0;
         self.frame = standing();
         self.step(command_rad)

@@ -45,11 +45,7 @@ impl Open {
                 if let Some(gap) = assemble::gap(newest, stamp, link) {
                     let logged_ns = log_time_ns.saturating_sub(self.logged_ns);
                     let jumped = logged_ns.saturating_add(TWO_CLOCKS_NS) < stamp - newest;
-                    let why = if jumped {
-                        " (its clock went on by itself)"
-                    } else {
-                        ""
-                    };
+                    let why = if jumped { " (its clock went on by itself)" } else { "" };
                     return Err(gap + why);
                 }
             }
@@ -106,19 +102,14 @@ impl<'a> EpisodeReader<'a> {
                 kind.about(self.link).0
             ));
         }
-        self.open = Some(Open {
-            began_ns,
-            ahead_ns,
-            ..Open::default()
-        });
+        self.open = Some(Open { began_ns, ahead_ns, ..Open::default() });
     }
 
     /// Takes the next message in; `from_here` are it and those that follow.
     pub fn take(&mut self, entry: &Entry, from_here: &[Entry]) {
         if entry.kind == Kind::Episode {
             // A start that is told twice is one.
-            self.open
-                .take_if(|open| open.newest_ns.is_none() && open.end.is_none());
+            self.open.take_if(|open| open.newest_ns.is_none() && open.end.is_none());
             self.begin(&from_here[1..], Some(entry.log_time_ns));
             return;
         }
@@ -137,8 +128,7 @@ impl<'a> EpisodeReader<'a> {
                     open.actions.push((newest, numbers.data));
                 }
                 (Some(numbers), Some(newest)) => {
-                    open.sections
-                        .extend(numbers.data.get(1).map(|psi_deg| (newest, *psi_deg)));
+                    open.sections.extend(numbers.data.get(1).map(|psi_deg| (newest, *psi_deg)));
                 }
                 (Some(_), None) => self.report.outside += 1,
                 (None, _) => *self.unreadable.entry(entry.kind).or_default() += 1,
@@ -234,11 +224,7 @@ impl<'a> EpisodeReader<'a> {
         self.episodes.push(LoggedEpisode {
             frames: open.frames,
             actions,
-            sections: open
-                .sections
-                .iter()
-                .map(|(at, psi)| (time_s(*at), *psi))
-                .collect(),
+            sections: open.sections.iter().map(|(at, psi)| (time_s(*at), *psi)).collect(),
             end,
             actions_after_end: open.after_end.len(),
         });
@@ -249,19 +235,14 @@ impl<'a> EpisodeReader<'a> {
         let report = &mut self.report;
         for (kind, count) in &self.unreadable {
             let (topic, _, (package, name)) = kind.about(self.link);
-            let packed = sorted
-                .entries
-                .iter()
-                .any(|e| e.kind == *kind && e.data.starts_with(b"\x28\xb5\x2f\xfd"));
+            let packed = sorted.entries.iter().any(|e| e.kind == *kind && e.data.starts_with(b"\x28\xb5\x2f\xfd"));
             let why = if packed {
                 " (each is compressed with zstd: record with `--compression-mode file` or none)"
             } else {
                 ""
             };
             report.unreadable += count;
-            report.notes.push(format!(
-                "{count} messages on {topic} cannot be read as {package}/msg/{name}{why}"
-            ));
+            report.notes.push(format!("{count} messages on {topic} cannot be read as {package}/msg/{name}{why}"));
         }
         let joints = &self.link.joint_states;
         if let Some(what) = self.assembler.wiring().untold() {
@@ -274,9 +255,7 @@ impl<'a> EpisodeReader<'a> {
         report.notes.extend(findings.damages);
         if report.lost > 0 {
             let lost = report.lost;
-            report.notes.push(format!(
-                "{lost} of {promised} messages on {joints} are lost"
-            ));
+            report.notes.push(format!("{lost} of {promised} messages on {joints} are lost"));
         }
         let kept = self.episodes.iter().map(|e| e.frames.len() as u64);
         report.readings = kept.sum();
@@ -293,10 +272,7 @@ impl<'a> EpisodeReader<'a> {
 /// What is wrong with the first reading after a start, or of a log that does not say where the robot starts.
 fn no_start(frame: &SensorFrame, link: &Ros2Config, told: bool) -> Option<String> {
     let tilt_deg = |orientation| {
-        let base = BaseState {
-            orientation,
-            ..BaseState::default()
-        };
+        let base = BaseState { orientation, ..BaseState::default() };
         base.tilt_rad().to_degrees()
     };
     let tilt = tilt_deg(frame.orientation);
@@ -315,7 +291,6 @@ fn no_start(frame: &SensorFrame, link: &Ros2Config, told: bool) -> Option<String
     }
     let rates = frame.joints.iter().map(|j| j.velocity_rad_s.abs());
     let fastest = rates.fold(0.0, f64::max);
-    (!told && fastest > link.still_rad_s).then(|| {
-        format!("it begins while the robot moves (a joint turns at {fastest:.2} rad/s): this is no start")
-    })
+    (!told && fastest > link.still_rad_s)
+        .then(|| format!("it begins while the robot moves (a joint turns at {fastest:.2} rad/s): this is no start"))
 }

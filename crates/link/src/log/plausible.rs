@@ -36,15 +36,9 @@ impl Compared {
         /// What rates in another unit are too large by.
         const UNITS: [(f64, &str); 4] = [
             (180.0 / std::f64::consts::PI, "deg/s instead of rad/s"),
-            (
-                30.0 / std::f64::consts::PI,
-                "turns a minute instead of rad/s",
-            ),
+            (30.0 / std::f64::consts::PI, "turns a minute instead of rad/s"),
             (1e3, "thousandths of a rad/s"),
-            (
-                std::f64::consts::PI / 180.0,
-                "rad/s while link.angle_unit says degrees",
-            ),
+            (std::f64::consts::PI / 180.0, "rad/s while link.angle_unit says degrees"),
         ];
         // Rates of 0 are not measured.
         if self.changes < self.spans * MOVES_RAD * MOVES_RAD || self.rates <= 0.0 {
@@ -53,19 +47,13 @@ impl Compared {
         let ratio = (self.rates / self.changes).sqrt();
         let together = self.both / (self.rates * self.changes).sqrt();
         if together < TOGETHER {
-            let why = if together < -TOGETHER {
-                "opposite to"
-            } else {
-                "unlike"
-            };
+            let why = if together < -TOGETHER { "opposite to" } else { "unlike" };
             return Some(format!(
                 "{why} the changes of the angles (correlation {together:.2}): another sign or order?"
             ));
         }
         (!(1.0 / FACTOR..=FACTOR).contains(&ratio)).then(|| {
-            let unit = UNITS
-                .iter()
-                .find(|(factor, _)| (ratio / factor).ln().abs() < 0.25_f64.ln_1p());
+            let unit = UNITS.iter().find(|(factor, _)| (ratio / factor).ln().abs() < 0.25_f64.ln_1p());
             let unit = unit.map_or("another unit", |(_, unit)| unit);
             format!("{ratio:.3} times the changes of the angles: {unit}?")
         })
@@ -75,16 +63,11 @@ impl Compared {
 /// What contradicts itself in readings.
 pub(super) fn contradiction(episodes: &[LoggedEpisode], link: &Ros2Config) -> Option<String> {
     let (mut joints, mut turn) = (Compared::default(), Compared::default());
-    for window in episodes
-        .iter()
-        .flat_map(|e| e.frames.windows(SPAN + 1).step_by(SPAN))
-    {
+    for window in episodes.iter().flat_map(|e| e.frames.windows(SPAN + 1).step_by(SPAN)) {
         let (first, last) = (&window[0], &window[SPAN]);
         let sum = |rate: &dyn Fn(&SensorFrame) -> f64| -> f64 {
             let steps = window.windows(2);
-            steps
-                .map(|w| 0.5 * (w[1].time_s - w[0].time_s) * (rate(&w[0]) + rate(&w[1])))
-                .sum()
+            steps.map(|w| 0.5 * (w[1].time_s - w[0].time_s) * (rate(&w[0]) + rate(&w[1]))).sum()
         };
         for (at, (before, after)) in first.joints.iter().zip(&last.joints).enumerate() {
             let by_rates = sum(&|f| f.joints.get(at).map_or(0.0, |j| j.velocity_rad_s));

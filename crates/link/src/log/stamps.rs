@@ -67,9 +67,7 @@ fn even(stamps: &[u64]) -> Option<(Vec<u64>, f64)> {
     let (period_ns, off, _) = tries.into_iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
     let most_ns = off.iter().map(|off_ns| off_ns.abs()).fold(0.0, f64::max);
     let moved = stamps.iter().zip(&off);
-    let even: Vec<u64> = moved
-        .map(|(stamp, off_ns)| stamp.saturating_add_signed(*off_ns as i64))
-        .collect();
+    let even: Vec<u64> = moved.map(|(stamp, off_ns)| stamp.saturating_add_signed(*off_ns as i64)).collect();
     let apart = |w: &[u64]| w[1] as f64 - w[0] as f64 > 0.5 * period_ns;
     let jitters = most_ns > EVEN * period_ns && most_ns < MOST * period_ns;
     (jitters && even.windows(2).all(apart)).then_some((even, most_ns))
@@ -87,9 +85,7 @@ fn off_tick(stamps: &[u64], period_ns: f64) -> (Vec<f64>, f64) {
     }
     let mut together = 0.0;
     let off = stamps.iter().enumerate().map(|(k, stamp)| {
-        let from = k
-            .saturating_sub(NEIGHBOURS)
-            .min(n.saturating_sub(2 * NEIGHBOURS));
+        let from = k.saturating_sub(NEIGHBOURS).min(n.saturating_sub(2 * NEIGHBOURS));
         let to = n.min(from + 2 * NEIGHBOURS + 1);
         let (cos, sin) = (sums[to].0 - sums[from].0, sums[to].1 - sums[from].1);
         together += cos.hypot(sin);

@@ -36,11 +36,7 @@ struct Tick {
 
 fn frame(k: usize) -> SensorFrame {
     let x = k as f64;
-    let joint = |j: f64| JointReading {
-        position_rad: 0.01 * x + 0.1 * j,
-        velocity_rad_s: 1.25,
-        torque_nm: 0.2 * j,
-    };
+    let joint = |j: f64| JointReading { position_rad: 0.01 * x + 0.1 * j, velocity_rad_s: 1.25, torque_nm: 0.2 * j };
     SensorFrame {
         time_s: (PERIOD_NS * k as u64) as f64 / 1e9,
         joints: [0.0, 1.0, 2.0].map(joint).to_vec(),
@@ -69,15 +65,10 @@ fn shift(header: &mut Header, by_ns: i64) {
 /// A log with an action at readings 10, 30, ..., 90, each period changed by `spoil`.
 fn log(spoil: impl Fn(usize, &mut Tick)) -> Vec<Sent> {
     let names: Vec<String> = NAMES.iter().map(|n| (*n).to_owned()).collect();
-    let begin = Text {
-        data: "begin".into(),
-    };
+    let begin = Text { data: "begin".into() };
     let mut all = vec![sent(EPISODE, 1_000_000_000, &begin)];
     for k in 0..READINGS {
-        let header = Header {
-            stamp: RosTime::from_nanoseconds(PERIOD_NS * k as u64),
-            frame_id: "base".into(),
-        };
+        let header = Header { stamp: RosTime::from_nanoseconds(PERIOD_NS * k as u64), frame_id: "base".into() };
         let (joints, imu, feet) = to_messages(&frame(k), &names, &header);
         let mut tick = Tick { joints, imu, feet };
         spoil(k, &mut tick);
@@ -105,19 +96,11 @@ fn bytes(messages: &[Sent], compression: Option<Compression>) -> Vec<u8> {
         let channel_id = *channels.entry(key).or_insert_with(|| {
             let schema = writer.add_schema(&message.schema, "ros2msg", b"").unwrap();
             let number = [("number".to_owned(), message.channel.to_string())];
-            writer
-                .add_channel(schema, message.topic, message.encoding, &number.into())
-                .unwrap()
+            writer.add_channel(schema, message.topic, message.encoding, &number.into()).unwrap()
         });
-        let header = MessageHeader {
-            channel_id,
-            sequence: 0,
-            log_time: message.log_time_ns,
-            publish_time: message.log_time_ns,
-        };
-        writer
-            .write_to_known_channel(&header, &message.data)
-            .unwrap();
+        let header =
+            MessageHeader { channel_id, sequence: 0, log_time: message.log_time_ns, publish_time: message.log_time_ns };
+        writer.write_to_known_channel(&header, &message.data).unwrap();
     }
     writer.finish().unwrap();
     drop(writer);
@@ -130,19 +113,13 @@ fn read_bytes(bytes: &[u8], link: &Ros2Config) -> Read {
     let dir = tempfile::tempdir().unwrap();
     let path: PathBuf = dir.path().join("log.mcap");
     std::fs::write(&path, bytes).unwrap();
-    let limit = JointLimits {
-        lower_rad: -0.5,
-        upper_rad: 1.5,
-        velocity_rad_s: 20.0,
-        torque_nm: 5.0,
-    };
+    let limit = JointLimits { lower_rad: -0.5, upper_rad: 1.5, velocity_rad_s: 20.0, torque_nm: 5.0 };
     let names = NAMES.iter().map(|n| (*n).to_owned()).collect();
     read_log(&path, link, names, vec![limit; 3], PERIOD_NS as f64 / 1e9)
 }
 
 fn read(messages: &[Sent]) -> (LoggedEpisode, LogReport) {
-    let (mut episodes, report) =
-        read_bytes(&bytes(messages, None), &Ros2Config::default()).unwrap();
+    let (mut episodes, report) = read_bytes(&bytes(messages, None), &Ros2Config::default()).unwrap();
     assert_eq!(episodes.len(), 1);
     (episodes.remove(0), report)
 }
@@ -151,10 +128,7 @@ fn clean() -> LoggedEpisode {
     LoggedEpisode {
         frames: (0..READINGS).map(frame).collect(),
         actions: [10, 30, 50, 70, 90]
-            .map(|k| LoggedAction {
-                time_s: frame(k).time_s,
-                action: vec![k as f64],
-            })
+            .map(|k| LoggedAction { time_s: frame(k).time_s, action: vec![k as f64] })
             .to_vec(),
         sections: Vec::new(),
         end: "the log ends here".into(),
@@ -167,8 +141,7 @@ fn a_log_is_the_same_log_however_it_is_packed_ordered_or_clocked() {
     let plain = log(|_, _| {});
     assert_eq!(read(&plain).0, clean());
     for packing in [Compression::Zstd, Compression::Lz4] {
-        let (episodes, report) =
-            read_bytes(&bytes(&plain, Some(packing)), &Ros2Config::default()).unwrap();
+        let (episodes, report) = read_bytes(&bytes(&plain, Some(packing)), &Ros2Config::default()).unwrap();
         assert_eq!((episodes, report.notes.len()), (vec![clean()], 0));
     }
     let alphabetical = log(|_, tick| {
@@ -180,12 +153,7 @@ fn a_log_is_the_same_log_however_it_is_packed_ordered_or_clocked() {
     assert_eq!(read(&alphabetical).0, clean());
     let epoch = log(|_, tick| {
         let [left, right] = &mut tick.feet;
-        for header in [
-            &mut tick.joints.header,
-            &mut tick.imu.header,
-            &mut left.header,
-            &mut right.header,
-        ] {
+        for header in [&mut tick.joints.header, &mut tick.imu.header, &mut left.header, &mut right.header] {
             shift(header, 1_790_000_000_000_000_000);
         }
     });
@@ -194,10 +162,7 @@ fn a_log_is_the_same_log_however_it_is_packed_ordered_or_clocked() {
     let clocks = log(|_, tick| shift(&mut tick.joints.header, 1_790_000_000_000_000_000));
     let (episode, report) = read(&clocks);
     assert_eq!(episode, clean());
-    assert!(
-        report.notes.iter().any(|n| n.contains("clock of /imu")),
-        "{report:?}"
-    );
+    assert!(report.notes.iter().any(|n| n.contains("clock of /imu")), "{report:?}");
     // Sensors a few ms off, and a joint state before the others of its period.
     let mut skewed = log(|_, tick| {
         shift(&mut tick.imu.header, 1_500_000);
@@ -210,16 +175,8 @@ fn a_log_is_the_same_log_however_it_is_packed_ordered_or_clocked() {
     skewed.insert(0, begin);
     assert_eq!(read(&skewed).0, clean());
     // Everything twice.
-    let (episode, report) = read(
-        &plain
-            .iter()
-            .flat_map(|m| [m.clone(), m.clone()])
-            .collect::<Vec<_>>(),
-    );
-    assert_eq!(
-        (episode, report.doubled),
-        (clean(), 4 * READINGS as u64 + 5)
-    );
+    let (episode, report) = read(&plain.iter().flat_map(|m| [m.clone(), m.clone()]).collect::<Vec<_>>());
+    assert_eq!((episode, report.doubled), (clean(), 4 * READINGS as u64 + 5));
     // An inertial unit four times as fast: of its messages the nearest counts.
     let fast: Vec<Sent> = plain
         .iter()
@@ -248,12 +205,7 @@ fn units_and_offsets_are_those_of_the_link() {
     };
     let degrees = log(|_, tick| {
         tick.joints.position[1] += std::f64::consts::FRAC_PI_2;
-        for value in tick
-            .joints
-            .position
-            .iter_mut()
-            .chain(&mut tick.joints.velocity)
-        {
+        for value in tick.joints.position.iter_mut().chain(&mut tick.joints.velocity) {
             *value = value.to_degrees();
         }
     });
@@ -267,11 +219,7 @@ fn units_and_offsets_are_those_of_the_link() {
     assert_eq!(episodes[0].frames.len(), READINGS);
     let (unaware, _) = read(&degrees);
     assert!(unaware.frames.is_empty());
-    assert!(
-        unaware.end.contains("joint ankle") && unaware.end.contains("link.angle_unit"),
-        "{}",
-        unaware.end
-    );
+    assert!(unaware.end.contains("joint ankle") && unaware.end.contains("link.angle_unit"), "{}", unaware.end);
 }
 
 #[test]
@@ -279,9 +227,7 @@ fn a_lost_message_moves_no_action() {
     let mut lost = log(|_, _| {});
     let action = lost.iter().position(|m| m.topic == ACTION).unwrap();
     lost.remove(action);
-    let joints: Vec<usize> = (0..lost.len())
-        .filter(|&i| lost[i].topic == "/joint_states")
-        .collect();
+    let joints: Vec<usize> = (0..lost.len()).filter(|&i| lost[i].topic == "/joint_states").collect();
     lost.remove(joints[20]);
     let (episode, report) = read(&lost);
     let mut right = clean();
@@ -291,9 +237,7 @@ fn a_lost_message_moves_no_action() {
     assert_eq!((report.missed, report.readings), (1, 99));
     // Another sensor's message lost: that reading is none.
     let mut lost = log(|_, _| {});
-    let imu: Vec<usize> = (0..lost.len())
-        .filter(|&i| lost[i].topic == "/imu")
-        .collect();
+    let imu: Vec<usize> = (0..lost.len()).filter(|&i| lost[i].topic == "/imu").collect();
     lost.remove(imu[20]);
     let (episode, report) = read(&lost);
     assert_eq!((episode.frames.len(), report.unpaired), (99, 1));
@@ -305,12 +249,7 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
         move |at: usize, tick: &mut Tick| {
             if at >= k {
                 let [left, right] = &mut tick.feet;
-                for header in [
-                    &mut tick.joints.header,
-                    &mut tick.imu.header,
-                    &mut left.header,
-                    &mut right.header,
-                ] {
+                for header in [&mut tick.joints.header, &mut tick.imu.header, &mut left.header, &mut right.header] {
                     shift(header, (by_s * 1e9) as i64);
                 }
             }
@@ -331,16 +270,8 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
         all
     };
     let cases: Vec<(Vec<Sent>, usize, &str)> = vec![
-        (
-            log(from(60, 60.0)),
-            60,
-            "no state for 60.008 s of robot time",
-        ),
-        (
-            log(from(60, 0.048)),
-            60,
-            "no state for 0.056 s of robot time",
-        ),
+        (log(from(60, 60.0)), 60, "no state for 60.008 s of robot time"),
+        (log(from(60, 0.048)), 60, "no state for 0.056 s of robot time"),
         (log(from(60, -0.45)), 60, "the robot's clock went back by"),
         (log(from(60, -0.2)), 60, "the robot's clock went back by"),
         (
@@ -361,21 +292,9 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
             60,
             "\"ankle\" is not a joint of the robot",
         ),
-        (
-            log(|_, tick| tick.joints.name[1] = "hip".into()),
-            0,
-            "\"hip\" is named twice by the robot",
-        ),
-        (
-            log(|_, tick| tick.joints.header.stamp = RosTime::default()),
-            0,
-            "the stamps of /joint_states are all 0",
-        ),
-        (
-            log(|_, tick| tick.joints.header.stamp.sec = -5),
-            0,
-            "the stamps of /joint_states are before 0 (-5.000 s)",
-        ),
+        (log(|_, tick| tick.joints.name[1] = "hip".into()), 0, "\"hip\" is named twice by the robot"),
+        (log(|_, tick| tick.joints.header.stamp = RosTime::default()), 0, "the stamps of /joint_states are all 0"),
+        (log(|_, tick| tick.joints.header.stamp.sec = -5), 0, "the stamps of /joint_states are before 0 (-5.000 s)"),
         (
             log(|_, tick| {
                 let q = &mut tick.imu.data.orientation;
@@ -384,31 +303,14 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
             0,
             "in the order w, x, y, z",
         ),
-        (
-            log(|_, tick| tick.imu.data.orientation.w = 0.0),
-            0,
-            "/imu tells no orientation",
-        ),
-        (
-            log(|_, tick| tick.imu.data.orientation.w = 2.0),
-            0,
-            "its quaternion has the norm 2.000",
-        ),
-        (
-            log(|k, tick| shift(&mut tick.imu.header, if k < 60 { 0 } else { 4_000_000 })),
-            60,
-            "silent: a whole reading",
-        ),
+        (log(|_, tick| tick.imu.data.orientation.w = 0.0), 0, "/imu tells no orientation"),
+        (log(|_, tick| tick.imu.data.orientation.w = 2.0), 0, "its quaternion has the norm 2.000"),
+        (log(|k, tick| shift(&mut tick.imu.header, if k < 60 { 0 } else { 4_000_000 })), 60, "silent: a whole reading"),
         (second(60), 61, "two publishers on /joint_states"),
         (
             log(|k, tick| {
                 let [left, right] = &mut tick.feet;
-                for header in [
-                    &mut tick.joints.header,
-                    &mut tick.imu.header,
-                    &mut left.header,
-                    &mut right.header,
-                ] {
+                for header in [&mut tick.joints.header, &mut tick.imu.header, &mut left.header, &mut right.header] {
                     shift(header, 2_000_000 * k as i64);
                 }
             }),
@@ -424,15 +326,8 @@ fn an_episode_ends_where_its_readings_can_no_longer_be_trusted() {
         let told = episode.actions.len() + episode.actions_after_end;
         assert!(kept == 0 || told == 5, "{why:?}: {told} actions");
         let right = clean();
-        assert_eq!(
-            episode.frames[..frames.min(kept)],
-            right.frames[..frames.min(kept)],
-            "{why:?}"
-        );
-        assert!(
-            kept == 0 || episode.actions.iter().all(|a| right.actions.contains(a)),
-            "{why:?}"
-        );
+        assert_eq!(episode.frames[..frames.min(kept)], right.frames[..frames.min(kept)], "{why:?}");
+        assert!(kept == 0 || episode.actions.iter().all(|a| right.actions.contains(a)), "{why:?}");
     }
 }
 
@@ -441,12 +336,9 @@ fn stamps_that_jitter_by_less_than_half_a_period_are_ticks() {
     let off_ms = |k: usize, by: usize| (k * by + k * k % 11) as i64 % 7 - 3;
     let (episode, report) = read(&log(|k, tick| {
         let [left, right] = &mut tick.feet;
-        for (header, by) in [
-            (&mut tick.joints.header, 2),
-            (&mut tick.imu.header, 3),
-            (&mut left.header, 4),
-            (&mut right.header, 5),
-        ] {
+        for (header, by) in
+            [(&mut tick.joints.header, 2), (&mut tick.imu.header, 3), (&mut left.header, 4), (&mut right.header, 5)]
+        {
             shift(header, 1_000_000_000 + 1_000_000 * off_ms(k, by));
         }
     }));
@@ -468,9 +360,7 @@ fn rates_in_another_unit_or_sign_than_the_angles_are_refused() {
             tick.imu.data.angular_velocity = [factor * 0.625, 0.0, 0.0].into();
         })
     };
-    let rates = |factor: f64| {
-        log(move |_, tick| tick.joints.velocity.iter_mut().for_each(|v| *v *= factor))
-    };
+    let rates = |factor: f64| log(move |_, tick| tick.joints.velocity.iter_mut().for_each(|v| *v *= factor));
     assert_eq!(read(&turning(1.0)).0.frames.len(), READINGS);
     for (messages, why) in [
         (rates(57.3), "/joint_states are 57.3"),
@@ -492,15 +382,8 @@ fn what_is_not_measured_counts_as_none_and_is_told() {
     }));
     assert_eq!(episode.frames.len(), READINGS);
     let joints = episode.frames.iter().flat_map(|f| &f.joints);
-    assert!(
-        joints
-            .into_iter()
-            .all(|j| j.torque_nm.abs() + j.velocity_rad_s.abs() < 1e-300)
-    );
-    assert!(
-        report.notes[0].contains("velocity and effort"),
-        "{report:?}"
-    );
+    assert!(joints.into_iter().all(|j| j.torque_nm.abs() + j.velocity_rad_s.abs() < 1e-300));
+    assert!(report.notes[0].contains("velocity and effort"), "{report:?}");
 }
 
 #[test]
@@ -526,11 +409,7 @@ fn files_that_are_none_of_ours_or_not_whole_say_so() {
     let imu = text.iter_mut().filter(|m| m.topic == "/imu");
     imu.for_each(|m| m.schema = "std_msgs/msg/String".into());
     assert!(refused(&bytes(&text, None)).contains("/imu holds std_msgs/msg/String"));
-    let unasked: Vec<Sent> = plain
-        .iter()
-        .filter(|m| m.topic != ACTION)
-        .cloned()
-        .collect();
+    let unasked: Vec<Sent> = plain.iter().filter(|m| m.topic != ACTION).cloned().collect();
     assert!(refused(&bytes(&unasked, None)).contains("no /stridemap/action"));
 
     // Cut in the middle, and damaged there: what is left are the log's own readings, and the place is told.
@@ -539,18 +418,9 @@ fn files_that_are_none_of_ours_or_not_whole_say_so() {
     let frames = &episodes[0].frames;
     assert!((40..60).contains(&frames.len()), "{}", frames.len());
     assert_eq!(frames[..], right.frames[..frames.len()]);
-    assert!(
-        report.notes.iter().any(|n| n.contains("is cut off")),
-        "{report:?}"
-    );
-    let message = plain
-        .iter()
-        .filter(|m| m.topic == "/joint_states")
-        .nth(50)
-        .unwrap();
-    let at = whole
-        .windows(message.data.len())
-        .position(|w| w == message.data);
+    assert!(report.notes.iter().any(|n| n.contains("is cut off")), "{report:?}");
+    let message = plain.iter().filter(|m| m.topic == "/joint_states").nth(50).unwrap();
+    let at = whole.windows(message.data.len()).position(|w| w == message.data);
     let mut damaged = whole.clone();
     damaged[at.unwrap() + 60] ^= 0x5a;
     let (episodes, report) = read_bytes(&damaged, &link).unwrap();
@@ -563,10 +433,7 @@ fn files_that_are_none_of_ours_or_not_whole_say_so() {
     let mut damaged = whole.clone();
     damaged[at.unwrap()] ^= 0x5a;
     let (episodes, report) = read_bytes(&damaged, &link).unwrap();
-    assert!(
-        episodes.is_empty() && report.notes[0].contains("is lost"),
-        "{report:?}"
-    );
+    assert!(episodes.is_empty() && report.notes[0].contains("is lost"), "{report:?}");
 }
 
 /// A chunk, record or string that claims 2⁶⁰ bytes, at many places: an answer, whatever it is.

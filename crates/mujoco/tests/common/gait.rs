@@ -31,14 +31,8 @@ impl Gait {
     /// The gait at the start of a run.
     pub(crate) fn new() -> Self {
         Self {
-            lateral: Filter {
-                time_constant_s: 0.05,
-                value: 0.0,
-            },
-            rate: Filter {
-                time_constant_s: 0.03,
-                value: 0.0,
-            },
+            lateral: Filter { time_constant_s: 0.05, value: 0.0 },
+            rate: Filter { time_constant_s: 0.03, value: 0.0 },
             phases: [0.0, FRAC_PI_2, PI, 3.0 * FRAC_PI_2],
             omega_rad_s: 3.5,
             coupling: 10.0,
@@ -46,12 +40,7 @@ impl Gait {
     }
 
     /// Targets for the next control period.
-    pub(crate) fn targets(
-        &mut self,
-        robot: &RobotDescription,
-        state: &RobotState,
-        period_s: f64,
-    ) -> JointTargets {
+    pub(crate) fn targets(&mut self, robot: &RobotDescription, state: &RobotState, period_s: f64) -> JointTargets {
         let middle = [0, 1].map(|i| 0.5 * (state.feet[0].centre_m[i] + state.feet[1].centre_m[i]));
         if let Some(cop) = state.cop_m {
             let heading = state.base.heading_rad();
@@ -66,8 +55,7 @@ impl Gait {
             let pull = self.coupling * (robot_phase - *phase + offset).sin();
             *phase += period_s * (self.omega_rad_s + pull);
         }
-        let ramp =
-            |from_s: f64, to_s: f64| ((state.time_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0);
+        let ramp = |from_s: f64, to_s: f64| ((state.time_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0);
         let roll = 4.0_f64.to_radians() * ramp(0.0, 1.0) * self.phases[0].sin();
         let pitch = |side: Side| {
             let phase = match side {

@@ -40,11 +40,7 @@ fn nice_step(span: f64, most: f64) -> f64 {
     let raw = span / most;
     let power = 10f64.powf(raw.log10().floor());
     let candidates = [1.0, 2.0, 5.0, 10.0];
-    candidates
-        .iter()
-        .map(|m| m * power)
-        .find(|s| *s >= raw * (1.0 - 1e-9))
-        .unwrap_or(10.0 * power)
+    candidates.iter().map(|m| m * power).find(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(10.0 * power)
 }
 
 impl Axis {
@@ -55,11 +51,7 @@ impl Axis {
 
     /// The same with about `most` intervals at most.
     pub(crate) fn linear_with(label: &str, min: f64, max: f64, most: f64) -> Axis {
-        let (min, max) = if max > min {
-            (min, max)
-        } else {
-            (min - 0.5, min + 0.5)
-        };
+        let (min, max) = if max > min { (min, max) } else { (min - 0.5, min + 0.5) };
         let step = nice_step(max - min, most);
         let first = (min / step - 1e-9).ceil() as i64;
         let last = (max / step + 1e-9).floor() as i64;
@@ -70,13 +62,7 @@ impl Axis {
                 (v, super::signed(v, decimals))
             })
             .collect();
-        Axis {
-            label: label.to_owned(),
-            min,
-            max,
-            scale: Scale::Linear,
-            ticks,
-        }
+        Axis { label: label.to_owned(), min, max, scale: Scale::Linear, ticks }
     }
 
     /// An even axis that shows every finite value, with 4 % of air at both ends.
@@ -112,13 +98,7 @@ impl Axis {
             ticks.push((0.0, "0".to_owned()));
         }
         ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Axis {
-            label: label.to_owned(),
-            min,
-            max,
-            scale: Scale::SymLog { linear },
-            ticks,
-        }
+        Axis { label: label.to_owned(), min, max, scale: Scale::SymLog { linear }, ticks }
     }
 
     /// Where a value lies, 0 at `min`, 1 at `max`.
@@ -145,23 +125,11 @@ mod tests {
     #[test]
     fn ticks_are_round_and_inside() {
         let labels = |a: &Axis| a.ticks.iter().map(|t| t.1.clone()).collect::<Vec<_>>();
-        assert_eq!(
-            labels(&Axis::linear("", 0.0, 6.0)),
-            ["0", "1", "2", "3", "4", "5", "6"]
-        );
-        assert_eq!(
-            labels(&Axis::linear("", -0.13, 0.31)),
-            ["\u{2212}0.1", "0.0", "0.1", "0.2", "0.3"]
-        );
+        assert_eq!(labels(&Axis::linear("", 0.0, 6.0)), ["0", "1", "2", "3", "4", "5", "6"]);
+        assert_eq!(labels(&Axis::linear("", -0.13, 0.31)), ["\u{2212}0.1", "0.0", "0.1", "0.2", "0.3"]);
         assert_eq!(
             labels(&Axis::symlog("", -1.0, 0.0, 0.001)),
-            [
-                "\u{2212}1",
-                "\u{2212}0.1",
-                "\u{2212}0.01",
-                "\u{2212}0.001",
-                "0"
-            ]
+            ["\u{2212}1", "\u{2212}0.1", "\u{2212}0.01", "\u{2212}0.001", "0"]
         );
     }
 

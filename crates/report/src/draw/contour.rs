@@ -15,12 +15,7 @@ struct Grid<'a> {
 /// The lines on which the linearly interpolated grid takes the value `level`.
 ///
 /// Saddles are cut in the order in which their edges come; for drawing either cut will do.
-pub(crate) fn contour_lines(
-    x: &[f64],
-    y: &[f64],
-    values: &[f64],
-    level: f64,
-) -> Vec<Vec<(f64, f64)>> {
+pub(crate) fn contour_lines(x: &[f64], y: &[f64], values: &[f64], level: f64) -> Vec<Vec<(f64, f64)>> {
     let grid = Grid { x, y, values };
     let mut segments = Vec::new();
     if values.len() != x.len() * y.len() {
@@ -59,9 +54,7 @@ fn join(segments: &[Segment]) -> Vec<Vec<(f64, f64)>> {
         let mut line = VecDeque::from([segments[first].0, segments[first].1]);
         for forward in [true, false] {
             while let Some(end) = if forward { line.back() } else { line.front() }.copied() {
-                let next = at
-                    .get(&key(end))
-                    .and_then(|all| all.iter().copied().find(|i| !used[*i]));
+                let next = at.get(&key(end)).and_then(|all| all.iter().copied().find(|i| !used[*i]));
                 let Some(next) = next else { break };
                 used[next] = true;
                 let (a, b) = segments[next];
@@ -80,12 +73,7 @@ fn join(segments: &[Segment]) -> Vec<Vec<(f64, f64)>> {
 
 fn cell(grid: &Grid<'_>, row: usize, column: usize, level: f64) -> Vec<(f64, f64)> {
     let corner = |r: usize, c: usize| (grid.x[c], grid.y[r], grid.values[r * grid.x.len() + c]);
-    let ring = [
-        corner(row, column),
-        corner(row, column + 1),
-        corner(row + 1, column + 1),
-        corner(row + 1, column),
-    ];
+    let ring = [corner(row, column), corner(row, column + 1), corner(row + 1, column + 1), corner(row + 1, column)];
     let mut out = Vec::new();
     for i in 0..4 {
         let (a, b) = (ring[i], ring[(i + 1) % 4]);
@@ -104,33 +92,17 @@ mod tests {
     #[test]
     fn a_plane_has_a_straight_level_line() {
         // v = x on a 3 x 2 grid: the level 0.5 is the line x = 0.5.
-        let lines = contour_lines(
-            &[0.0, 1.0, 2.0],
-            &[0.0, 1.0],
-            &[0.0, 1.0, 2.0, 0.0, 1.0, 2.0],
-            0.5,
-        );
+        let lines = contour_lines(&[0.0, 1.0, 2.0], &[0.0, 1.0], &[0.0, 1.0, 2.0, 0.0, 1.0, 2.0], 0.5);
         assert_eq!(lines, [[(0.5, 0.0), (0.5, 1.0)]]);
     }
 
     #[test]
     fn a_hill_has_one_closed_line() {
         let axis: Vec<f64> = (-10..=10).map(f64::from).collect();
-        let hill: Vec<f64> = axis
-            .iter()
-            .flat_map(|y| axis.iter().map(move |x| -(x * x + y * y).sqrt()))
-            .collect();
+        let hill: Vec<f64> = axis.iter().flat_map(|y| axis.iter().map(move |x| -(x * x + y * y).sqrt())).collect();
         let lines = contour_lines(&axis, &axis, &hill, -5.3);
         assert_eq!(lines.len(), 1);
-        assert_eq!(
-            key(lines[0][0]),
-            key(lines[0][lines[0].len() - 1]),
-            "closed"
-        );
-        assert!(
-            lines[0]
-                .iter()
-                .all(|(x, y)| (x.hypot(*y) - 5.3).abs() < 0.1)
-        );
+        assert_eq!(key(lines[0][0]), key(lines[0][lines[0].len() - 1]), "closed");
+        assert!(lines[0].iter().all(|(x, y)| (x.hypot(*y) - 5.3).abs() < 0.1));
     }
 }

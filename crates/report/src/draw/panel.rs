@@ -80,18 +80,15 @@ pub(crate) fn mark_svg(class: &str, mark: Mark, x: f64, y: f64, r: f64) -> Strin
     let (cx, cy) = (coord(x), coord(y));
     let fill = class.replace('s', "f");
     match mark {
-        Mark::Disc => format!(
-            "<circle class=\"{fill} sbg\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" stroke-width=\"1\"/>",
-            coord(r)
-        ),
-        Mark::Circle => format!(
-            "<circle class=\"bg {class}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" stroke-width=\"1.8\"/>",
-            coord(r)
-        ),
-        Mark::Dot => format!(
-            "<circle class=\"{fill}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" fill-opacity=\"0.55\"/>",
-            coord(r * 0.8)
-        ),
+        Mark::Disc => {
+            format!("<circle class=\"{fill} sbg\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" stroke-width=\"1\"/>", coord(r))
+        }
+        Mark::Circle => {
+            format!("<circle class=\"bg {class}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" stroke-width=\"1.8\"/>", coord(r))
+        }
+        Mark::Dot => {
+            format!("<circle class=\"{fill}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" fill-opacity=\"0.55\"/>", coord(r * 0.8))
+        }
         Mark::Diamond => format!(
             "<path class=\"{fill} sbg\" stroke-width=\"1\" d=\"M{} {cy}L{cx} {}L{} {cy}L{cx} {}Z\"/>",
             coord(x - 1.25 * r),
@@ -118,11 +115,7 @@ pub(crate) fn mark_svg(class: &str, mark: Mark, x: f64, y: f64, r: f64) -> Strin
 
 /// A piece of line as SVG.
 pub(crate) fn line_svg(class: &str, dash: Dash, path: &str, stroke: f64) -> String {
-    format!(
-        "<path class=\"l {class}\" stroke-width=\"{}\"{} d=\"{path}\"/>",
-        coord(stroke),
-        dash.attribute()
-    )
+    format!("<path class=\"l {class}\" stroke-width=\"{}\"{} d=\"{path}\"/>", coord(stroke), dash.attribute())
 }
 
 /// A pair of axes at a place on the sheet.
@@ -145,11 +138,7 @@ pub(crate) struct Panel {
 impl Panel {
     /// Room that the tick labels and the label of a vertical axis need, px.
     pub(crate) fn gutter(y: &Axis) -> f64 {
-        let widest = y
-            .ticks
-            .iter()
-            .map(|t| width(&t.1, TICK, false))
-            .fold(0.0, f64::max);
+        let widest = y.ticks.iter().map(|t| width(&t.1, TICK, false)).fold(0.0, f64::max);
         widest + 8.0 + LABEL + 12.0
     }
 
@@ -207,10 +196,7 @@ impl Panel {
         ring.extend(x.iter().copied().zip(lo.iter().copied()).rev());
         let fill = class.replace('s', "f");
         let d = self.path(&ring);
-        self.data.push_str(&format!(
-            "<path class=\"{fill}\" fill-opacity=\"{}\" d=\"{d}Z\"/>",
-            coord(opacity)
-        ));
+        self.data.push_str(&format!("<path class=\"{fill}\" fill-opacity=\"{}\" d=\"{d}Z\"/>", coord(opacity)));
     }
 
     /// Marks at points, clipped to the panel.
@@ -271,9 +257,8 @@ impl Panel {
                 format!("M{x} {}L{x} {}", coord(bottom), coord(bottom - 7.0))
             })
             .collect();
-        self.data.push_str(&format!(
-            "<path class=\"l {class}\" stroke-width=\"1\" stroke-opacity=\"0.45\" d=\"{d}\"/>"
-        ));
+        self.data
+            .push_str(&format!("<path class=\"l {class}\" stroke-width=\"1\" stroke-opacity=\"0.45\" d=\"{d}\"/>"));
     }
 
     /// A line across at a value of the vertical axis.

@@ -38,11 +38,7 @@ impl Sheet {
     }
 
     /// A row of panels of one height with given axes, titles and shares of the width.
-    pub(crate) fn row(
-        &mut self,
-        height: f64,
-        panels: Vec<(f64, Axis, Axis, Option<&str>)>,
-    ) -> Vec<Panel> {
+    pub(crate) fn row(&mut self, height: f64, panels: Vec<(f64, Axis, Axis, Option<&str>)>) -> Vec<Panel> {
         let gutters: f64 = panels.iter().map(|p| Panel::gutter(&p.2)).sum();
         let gaps = 18.0 * panels.len().saturating_sub(1) as f64;
         let free = WIDTH - 2.0 * MARGIN - 4.0 - gutters - gaps;
@@ -94,9 +90,7 @@ impl Sheet {
     pub(crate) fn single(&mut self, height: f64, x: Axis, y: Axis) -> Panel {
         let clip = format!("{}-clip{}", self.stem, self.clips);
         let fallback = Panel::new(x.clone(), y.clone(), None, clip);
-        self.row(height, vec![(1.0, x, y, None)])
-            .pop()
-            .unwrap_or(fallback)
+        self.row(height, vec![(1.0, x, y, None)]).pop().unwrap_or(fallback)
     }
 
     /// Puts a finished panel on the sheet.
@@ -179,15 +173,8 @@ impl Sheet {
             sheet_rules()
         );
         let inline_svg = format!("{}{head}</svg>", open(height, ""));
-        let hover = self
-            .hover
-            .into_iter()
-            .map(|p| HoverPoint {
-                x: p.x,
-                y: p.y + shift,
-                text: plain(&p.text),
-            })
-            .collect();
+        let hover =
+            self.hover.into_iter().map(|p| HoverPoint { x: p.x, y: p.y + shift, text: plain(&p.text) }).collect();
         Figure {
             stem: self.stem,
             title: plain(&self.title),

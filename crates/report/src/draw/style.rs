@@ -51,16 +51,11 @@ fn colored(prefix: &str, color: impl Fn(usize) -> String) -> String {
     let index = |name: &str| PALETTE.iter().position(|p| p.0 == name).unwrap_or(1);
     let mut css = String::new();
     for (selector, property, variable) in RULES {
-        css.push_str(&format!(
-            "{prefix}{selector}{{{property}:{}}}",
-            color(index(variable))
-        ));
+        css.push_str(&format!("{prefix}{selector}{{{property}:{}}}", color(index(variable))));
     }
     for series in 0..SERIES {
         let value = color(index(&format!("c{series}")));
-        css.push_str(&format!(
-            "{prefix}.s{series}{{stroke:{value}}}{prefix}.f{series}{{fill:{value}}}"
-        ));
+        css.push_str(&format!("{prefix}.s{series}{{stroke:{value}}}{prefix}.f{series}{{fill:{value}}}"));
     }
     let ground = color(index("bg"));
     css.push_str(&format!("{prefix}.sbg{{stroke:{ground}}}"));
@@ -84,14 +79,8 @@ pub(crate) fn page_variables() -> (String, String, String) {
             .map(|(name, light, night)| format!("--{name}:{};", if dark { night } else { light }))
             .collect::<String>()
     };
-    let fixed = FIXED
-        .replace("text{", ".sm text{")
-        .replace("}.", "}.sm .")
-        .replace(",.", ",.sm .");
-    let rules = format!(
-        "{fixed}{}",
-        colored(".sm ", |i| format!("var(--{})", PALETTE[i].0))
-    );
+    let fixed = FIXED.replace("text{", ".sm text{").replace("}.", "}.sm .").replace(",.", ",.sm .");
+    let rules = format!("{fixed}{}", colored(".sm ", |i| format!("var(--{})", PALETTE[i].0)));
     (declare(false), declare(true), rules)
 }
 
@@ -115,12 +104,7 @@ pub(crate) fn ramp_color(fraction: f64) -> String {
     let t = at - i as f64;
     let mix = |a: f64, b: f64| (a + t * (b - a)).round() as u8;
     let (a, b) = (CIVIDIS[i], CIVIDIS[i + 1]);
-    format!(
-        "#{:02x}{:02x}{:02x}",
-        mix(a.0, b.0),
-        mix(a.1, b.1),
-        mix(a.2, b.2)
-    )
+    format!("#{:02x}{:02x}{:02x}", mix(a.0, b.0), mix(a.1, b.1), mix(a.2, b.2))
 }
 
 #[cfg(test)]

@@ -43,16 +43,8 @@ pub(crate) fn number(v: f64, digits: usize) -> String {
     let magnitude = v.abs().log10().floor();
     let decimals = (digits as f64 - 1.0 - magnitude).clamp(0.0, 12.0) as usize;
     let text = format!("{v:.decimals$}");
-    let text = if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    };
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.replace('-', "\u{2212}")
-    }
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text };
+    if text == "-0" { "0".to_owned() } else { text.replace('-', "\u{2212}") }
 }
 
 /// A number with a fixed count of decimals and a true minus sign.
@@ -61,24 +53,13 @@ pub(crate) fn signed(v: f64, decimals: usize) -> String {
         return "\u{2013}".to_owned();
     }
     let text = format!("{v:.decimals$}");
-    let zero = text
-        .trim_start_matches('-')
-        .chars()
-        .all(|c| c == '0' || c == '.');
-    if zero {
-        text.trim_start_matches('-').to_owned()
-    } else {
-        text.replace('-', "\u{2212}")
-    }
+    let zero = text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.');
+    if zero { text.trim_start_matches('-').to_owned() } else { text.replace('-', "\u{2212}") }
 }
 
 /// A count with its noun: `1 fall`, `2 falls`.
 pub(crate) fn plural(n: usize, noun: &str) -> String {
-    if n == 1 {
-        format!("1 {noun}")
-    } else {
-        format!("{n} {noun}s")
-    }
+    if n == 1 { format!("1 {noun}") } else { format!("{n} {noun}s") }
 }
 
 /// A run of text at one height.
@@ -102,11 +83,7 @@ fn runs(text: &str) -> Vec<(Level, String)> {
         if at > 0 {
             out.push((Level::Base, rest[..at].to_owned()));
         }
-        let level = if rest[at..].starts_with('_') {
-            Level::Sub
-        } else {
-            Level::Super
-        };
+        let level = if rest[at..].starts_with('_') { Level::Sub } else { Level::Super };
         out.push((level, rest[at + 2..at + close].to_owned()));
         rest = &rest[at + close + 1..];
     }
@@ -156,8 +133,7 @@ pub(crate) fn spans(text: &str, size: f64) -> String {
 
 fn face(bold: bool) -> Option<&'static ttf_parser::Face<'static>> {
     static FACES: OnceLock<[Option<ttf_parser::Face<'static>>; 2]> = OnceLock::new();
-    let faces = FACES
-        .get_or_init(|| [REGULAR, SEMI_BOLD].map(|data| ttf_parser::Face::parse(data, 0).ok()));
+    let faces = FACES.get_or_init(|| [REGULAR, SEMI_BOLD].map(|data| ttf_parser::Face::parse(data, 0).ok()));
     faces[usize::from(bold)].as_ref()
 }
 
@@ -185,11 +161,7 @@ pub(crate) fn wrap(text: &str, size: f64, limit: f64) -> Vec<String> {
     let mut lines = Vec::new();
     let mut line = String::new();
     for word in text.split_whitespace() {
-        let longer = if line.is_empty() {
-            word.to_owned()
-        } else {
-            format!("{line} {word}")
-        };
+        let longer = if line.is_empty() { word.to_owned() } else { format!("{line} {word}") };
         if !line.is_empty() && width(&longer, size, false) > limit {
             lines.push(std::mem::take(&mut line));
             line = word.to_owned();

@@ -84,35 +84,21 @@ pub fn actions(data: &ActionFigure) -> Result<Figure> {
     let indices: Vec<usize> = (0..data.columns.action.len()).collect();
     let rows = indices.len().div_ceil(per_row);
     for (r, chunk) in indices.chunks(per_row).enumerate() {
-        let titles: Vec<String> = chunk
-            .iter()
-            .map(|a| label(&data.columns.action[*a], ""))
-            .collect();
+        let titles: Vec<String> = chunk.iter().map(|a| label(&data.columns.action[*a], "")).collect();
         let specs = chunk
             .iter()
             .zip(&titles)
             .map(|(a, title)| {
-                let values = data
-                    .strides
-                    .iter()
-                    .filter_map(|s| s.action.get(*a).copied());
+                let values = data.strides.iter().filter_map(|s| s.action.get(*a).copied());
                 let edges = data.iterations.iter().filter_map(|i| i.region.as_ref());
                 let edges = edges.flat_map(|g| [g.lower.get(*a), g.upper.get(*a)]);
                 let (lo, hi) = extent(values.chain(edges.flatten().copied()));
                 let most = if several { 4.0 } else { 6.0 };
-                let air = if hi - lo > 1e-6 {
-                    0.06 * (hi - lo)
-                } else {
-                    0.3
-                };
+                let air = if hi - lo > 1e-6 { 0.06 * (hi - lo) } else { 0.3 };
                 // Head room for the warnings, or for the names of the iterations.
                 let y = Axis::linear_with("", lo - air, hi + 3.0 * air, most);
                 let last = r + 1 == rows;
-                let x = Axis::counting(
-                    if last { "stride on the robot" } else { "" },
-                    0.5,
-                    n as f64 + 0.5,
-                );
+                let x = Axis::counting(if last { "stride on the robot" } else { "" }, 0.5, n as f64 + 0.5);
                 (1.0, x, y, Some(title.as_str()))
             })
             .collect();
@@ -148,21 +134,12 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
         let room = p.px(end) - p.px(begin);
         if data.columns.action.len() == 1 && room > 66.0 {
             let (x, y) = (p.px(begin) + 5.0, p.top + 12.0);
-            p.note_px(
-                x,
-                y,
-                Anchor::Start,
-                "mut",
-                &format!("iteration {iteration}"),
-            );
+            p.note_px(x, y, Anchor::Start, "mut", &format!("iteration {iteration}"));
         }
     }
     if let Some(u) = data.proven.as_ref().and_then(|u| u.get(a)) {
         p.across(*u, "s2", Dash::Dashed);
-        p.key(
-            "final policy, mean as proven",
-            Key::Line("s2", Dash::Dashed),
-        );
+        p.key("final policy, mean as proven", Key::Line("s2", Dash::Dashed));
     }
     // Among hundreds of strides rims would hide what is behind them; the trust region then tells apart, too.
     let many = data.strides.len() > 120;
@@ -176,9 +153,7 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
             .strides
             .iter()
             .enumerate()
-            .filter(|(_, s)| {
-                (s.phase == StridePhase::Evaluate) == evaluate && s.end == StrideEnd::Crossing
-            })
+            .filter(|(_, s)| (s.phase == StridePhase::Evaluate) == evaluate && s.end == StrideEnd::Crossing)
             .filter_map(|(i, s)| Some((i as f64 + 1.0, *s.action.get(a)?)))
             .collect();
         if !points.is_empty() {
@@ -203,23 +178,13 @@ fn component(p: &mut Panel, data: &ActionFigure, a: usize) {
         p.hover(
             i as f64 + 1.0,
             *u,
-            format!(
-                "stride {}, iteration {}: {name} = {} {unit}, {}",
-                i + 1,
-                s.iteration,
-                signed(*u, 2),
-                s.end.name()
-            ),
+            format!("stride {}, iteration {}: {name} = {} {unit}, {}", i + 1, s.iteration, signed(*u, 2), s.end.name()),
         );
     }
     for (at, warning) in warnings(data) {
         p.marks(&[(at, top)], "s3", Mark::Triangle, 4.0);
         p.key("guard warned", Key::Mark("s3", Mark::Triangle));
-        p.hover(
-            at,
-            top,
-            format!("stride {at}: the guard warned, {}", warning_words(warning)),
-        );
+        p.hover(at, top, format!("stride {at}: the guard warned, {}", warning_words(warning)));
     }
 }
 
@@ -230,26 +195,15 @@ fn warnings(data: &ActionFigure) -> Vec<(f64, Warning)> {
         .iter()
         .flat_map(|i| {
             let from = spans.iter().find(|s| s.0 == i.iteration).map(|s| s.1);
-            i.warnings
-                .iter()
-                .filter_map(move |w| Some(((from? + w.stride) as f64, w.warning)))
+            i.warnings.iter().filter_map(move |w| Some(((from? + w.stride) as f64, w.warning)))
         })
         .filter(|w| w.0 <= data.strides.len() as f64)
         .collect()
 }
 
 fn caption(data: &ActionFigure) -> String {
-    let names: Vec<String> = data
-        .columns
-        .action
-        .iter()
-        .map(|a| plain(&label(a, "")))
-        .collect();
-    let tried = data
-        .strides
-        .iter()
-        .filter(|s| s.phase == StridePhase::Evaluate)
-        .count();
+    let names: Vec<String> = data.columns.action.iter().map(|a| plain(&label(a, ""))).collect();
+    let tried = data.strides.iter().filter(|s| s.phase == StridePhase::Evaluate).count();
     let mut text = format!(
         "Action of each stride on the robot, as applied, without averaging (n = {}, of which {tried} tried a policy); dotted \
          uprights part the iterations.",
@@ -268,14 +222,9 @@ fn caption(data: &ActionFigure) -> String {
     if !warned.is_empty() {
         let mut kinds: Vec<Warning> = warned.iter().map(|w| w.1).collect();
         kinds.sort_unstable_by_key(|kind| kind.name());
-        let counts: Vec<String> = kinds
-            .chunk_by(|a, b| a == b)
-            .map(|c| format!("{}, {}", warning_words(c[0]), times(c.len())))
-            .collect();
-        text.push_str(&format!(
-            " Triangles: the guard warned ({}).",
-            counts.join("; ")
-        ));
+        let counts: Vec<String> =
+            kinds.chunk_by(|a, b| a == b).map(|c| format!("{}, {}", warning_words(c[0]), times(c.len()))).collect();
+        text.push_str(&format!(" Triangles: the guard warned ({}).", counts.join("; ")));
     }
     let verdicts: Vec<String> = data
         .iterations
@@ -284,10 +233,7 @@ fn caption(data: &ActionFigure) -> String {
         .map(|(i, v)| format!("{i} {}", verdict_words(v)))
         .collect();
     if !verdicts.is_empty() {
-        text.push_str(&format!(
-            " What became of the policy of each iteration: {}.",
-            verdicts.join("; ")
-        ));
+        text.push_str(&format!(" What became of the policy of each iteration: {}.", verdicts.join("; ")));
     }
     text
 }
@@ -310,18 +256,9 @@ fn alt(data: &ActionFigure) -> String {
 }
 
 fn csv(data: &ActionFigure) -> String {
-    let mut header = vec![
-        "stride".to_owned(),
-        "iteration".to_owned(),
-        "phase".to_owned(),
-    ];
+    let mut header = vec!["stride".to_owned(), "iteration".to_owned(), "phase".to_owned()];
     header.extend(data.columns.action.iter().cloned());
-    header.extend(
-        data.columns
-            .action
-            .iter()
-            .flat_map(|a| [format!("trust_lower_{a}"), format!("trust_upper_{a}")]),
-    );
+    header.extend(data.columns.action.iter().flat_map(|a| [format!("trust_lower_{a}"), format!("trust_upper_{a}")]));
     header.extend(["warning".to_owned(), "end".to_owned()]);
     let mut csv = header.join(",") + "\n";
     let warned = warnings(data);
@@ -337,9 +274,7 @@ fn csv(data: &ActionFigure) -> String {
             .and_then(|k| k.region.as_ref());
         for a in 0..data.columns.action.len() {
             let edge = |of: fn(&Region) -> &Vec<f64>| {
-                region
-                    .and_then(|g| of(g).get(a))
-                    .map_or_else(String::new, f64::to_string)
+                region.and_then(|g| of(g).get(a)).map_or_else(String::new, f64::to_string)
             };
             csv.push_str(&format!(",{},{}", edge(|g| &g.lower), edge(|g| &g.upper)));
         }

@@ -13,11 +13,7 @@ pub(crate) fn column(figure: &str, name: &str, values: &[f64], expected: usize) 
         });
     }
     match values.iter().position(|v| !v.is_finite()) {
-        Some(index) => Err(ReportError::NotFinite {
-            figure: figure.to_owned(),
-            column: name.to_owned(),
-            index,
-        }),
+        Some(index) => Err(ReportError::NotFinite { figure: figure.to_owned(), column: name.to_owned(), index }),
         None => Ok(()),
     }
 }
@@ -25,10 +21,7 @@ pub(crate) fn column(figure: &str, name: &str, values: &[f64], expected: usize) 
 /// Refuses an empty figure.
 pub(crate) fn some(figure: &str, what: &str, n: usize) -> Result<()> {
     if n == 0 {
-        return Err(ReportError::Empty {
-            figure: figure.to_owned(),
-            what: what.to_owned(),
-        });
+        return Err(ReportError::Empty { figure: figure.to_owned(), what: what.to_owned() });
     }
     Ok(())
 }

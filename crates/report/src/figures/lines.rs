@@ -44,21 +44,13 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
     let n = g.along.len();
     some(stem, "no row of the map", n)?;
     some(stem, "no output", g.outputs.len())?;
-    let names: Vec<&String> = data
-        .columns
-        .state
-        .iter()
-        .chain(&data.columns.action)
-        .collect();
+    let names: Vec<&String> = data.columns.state.iter().chain(&data.columns.action).collect();
     for (values, name) in g.inputs.iter().zip(&names) {
         column(stem, name, values, n)?;
     }
     let output = &g.outputs[shown(g)];
-    for (values, what) in [
-        (&output.mean, "mean"),
-        (&output.latent_std, "latent_std"),
-        (&output.noise_std, "noise_std"),
-    ] {
+    for (values, what) in [(&output.mean, "mean"), (&output.latent_std, "latent_std"), (&output.noise_std, "noise_std")]
+    {
         column(stem, &format!("{what} {}", output.name), values, n)?;
     }
     let own = output.name == "reward";
@@ -68,32 +60,18 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
         _ => label(&output.name, "(k + 1)"),
     };
     let states = data.columns.state.len();
-    let drawn: Vec<usize> = (0..g.inputs.len().min(names.len()))
-        .filter(|i| *i >= states || names.len() == 2)
-        .collect();
-    let spread =
-        |i: usize, k: f64| output.mean[i] + k * output.latent_std[i].hypot(output.noise_std[i]);
-    let (lo, hi) = extent(
-        (0..n)
-            .filter(|i| drawn.contains(&g.along[*i]))
-            .flat_map(|i| {
-                // A band that runs away from the data would press the curves flat.
-                [
-                    output.mean[i] - 2.5 * output.noise_std[i],
-                    output.mean[i] + 2.5 * output.noise_std[i],
-                ]
-            }),
-    );
+    let drawn: Vec<usize> = (0..g.inputs.len().min(names.len())).filter(|i| *i >= states || names.len() == 2).collect();
+    let spread = |i: usize, k: f64| output.mean[i] + k * output.latent_std[i].hypot(output.noise_std[i]);
+    let (lo, hi) = extent((0..n).filter(|i| drawn.contains(&g.along[*i])).flat_map(|i| {
+        // A band that runs away from the data would press the curves flat.
+        [output.mean[i] - 2.5 * output.noise_std[i], output.mean[i] + 2.5 * output.noise_std[i]]
+    }));
     let air = 0.12 * (hi - lo);
     let per_row = drawn.len().clamp(1, 3);
     let mut sheet = Sheet::new(stem, "The map about the policy");
     let mut csv = format!(
         "along,{},mean_{out},latent_std_{out},noise_std_{out}\n",
-        names
-            .iter()
-            .map(|n| n.as_str())
-            .collect::<Vec<_>>()
-            .join(","),
+        names.iter().map(|n| n.as_str()).collect::<Vec<_>>().join(","),
         out = output.name
     );
     let mut place = Vec::new();
@@ -107,12 +85,7 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
                 let most = if per_row > 2 { 5.0 } else { 6.0 };
                 let x = Axis::linear_with(&label(names[*input], ""), x0, x1, most);
                 let text = if slot == 0 { name.as_str() } else { "" };
-                (
-                    1.0,
-                    x,
-                    Axis::linear_with(text, lo - air, hi + air, 5.0),
-                    None,
-                )
+                (1.0, x, Axis::linear_with(text, lo - air, hi + air, 5.0), None)
             })
             .collect();
         let height = if per_row > 2 { 130.0 } else { 220.0 };
@@ -121,10 +94,7 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
             let x: Vec<f64> = rows.iter().map(|i| g.inputs[*input][*i]).collect();
             let edge = |k: f64| rows.iter().map(|i| spread(*i, k)).collect::<Vec<f64>>();
             if let Some(region) = data.region.as_ref().filter(|_| *input >= states)
-                && let (Some(a), Some(b)) = (
-                    region.lower.get(input - states),
-                    region.upper.get(input - states),
-                )
+                && let (Some(a), Some(b)) = (region.lower.get(input - states), region.upper.get(input - states))
             {
                 p.band(&[*a, *b], &[p.y.min; 2], &[p.y.max; 2], "s4", 0.16);
                 p.key("trust region", Key::Band("s4", 0.2));
@@ -137,10 +107,7 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
                 .iter()
                 .filter_map(|s| {
                     let from_action = || s.action.get(input.wrapping_sub(states));
-                    s.state
-                        .get(*input)
-                        .filter(|_| *input < states)
-                        .or_else(from_action)
+                    s.state.get(*input).filter(|_| *input < states).or_else(from_action)
                 })
                 .copied()
                 .collect();
@@ -150,9 +117,7 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
                 let here = g.inputs[*input][at];
                 p.upward(here, "s2", Dash::Dashed);
                 p.key("the policy", Key::Line("s2", Dash::Dashed));
-                let nearest = mean
-                    .iter()
-                    .min_by(|a, b| (a.0 - here).abs().total_cmp(&(b.0 - here).abs()));
+                let nearest = mean.iter().min_by(|a, b| (a.0 - here).abs().total_cmp(&(b.0 - here).abs()));
                 if let Some(q) = nearest {
                     p.marks(&[(here, q.1)], "s2", Mark::Disc, 4.2);
                 }
@@ -182,10 +147,7 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
         for c in &g.inputs {
             csv.push_str(&format!(",{}", c[i]));
         }
-        csv.push_str(&format!(
-            ",{},{},{}\n",
-            output.mean[i], output.latent_std[i], output.noise_std[i]
-        ));
+        csv.push_str(&format!(",{},{},{}\n", output.mean[i], output.latent_std[i], output.noise_std[i]));
     }
     let caption = format!(
         "Map of iteration {}: prediction of {} along each {}, everything else held where the map settles under the policy found \
@@ -196,11 +158,7 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
         if names.len() == 2 { "input" } else { "action" },
         place.join(", "),
         data.strides.len(),
-        if data.region.is_some() {
-            " Shaded: where the policy was allowed to lie."
-        } else {
-            ""
-        }
+        if data.region.is_some() { " Shaded: where the policy was allowed to lie." } else { "" }
     );
     let alt = format!(
         "Cuts through the learned map: {} along {} inputs, with bands of two standard deviations.",
@@ -211,7 +169,5 @@ pub fn map_lines(data: &LineFigure) -> Result<Figure> {
 }
 
 fn line(grid: &LineGrid, along: usize) -> Vec<usize> {
-    (0..grid.along.len())
-        .filter(|i| grid.along[*i] == along)
-        .collect()
+    (0..grid.along.len()).filter(|i| grid.along[*i] == along).collect()
 }

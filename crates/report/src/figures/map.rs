@@ -2,9 +2,7 @@
 
 use super::check::{column, named, some};
 use super::names::{label, quantity};
-use crate::draw::{
-    Axis, Dash, Key, Mark, Sheet, contour_lines, extent, number, plain, ramp_color, signed,
-};
+use crate::draw::{Axis, Dash, Key, Mark, Sheet, contour_lines, extent, number, plain, ramp_color, signed};
 use crate::error::Result;
 use crate::figure::Figure;
 use stridemap_record::grid::MapGrid;
@@ -33,9 +31,8 @@ pub(super) struct Plane {
 
 pub(super) fn plane(grid: &MapGrid, state: usize, action: usize) -> Option<Plane> {
     let (xs, us) = (grid.state.get(state)?, grid.action.get(action)?);
-    let rows: Vec<usize> = (0..xs.len())
-        .filter(|i| grid.state_axis[*i] == state && grid.action_axis[*i] == action)
-        .collect();
+    let rows: Vec<usize> =
+        (0..xs.len()).filter(|i| grid.state_axis[*i] == state && grid.action_axis[*i] == action).collect();
     let distinct = |values: &[f64]| {
         let mut d: Vec<f64> = rows.iter().map(|i| values[*i]).collect();
         d.sort_by(f64::total_cmp);
@@ -68,12 +65,7 @@ pub(super) fn check_map(stem: &str, data: &MapFigure) -> Result<()> {
             column(stem, what, values, n)?;
         }
     }
-    column(
-        stem,
-        "action_axis",
-        &g.action_axis.iter().map(|v| *v as f64).collect::<Vec<_>>(),
-        n,
-    )
+    column(stem, "action_axis", &g.action_axis.iter().map(|v| *v as f64).collect::<Vec<_>>(), n)
 }
 
 /// Draws the map of the first state component over the first state and action, as in Fig. 13: a heat
@@ -102,12 +94,7 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
     let panels = sheet.row(
         300.0,
         vec![
-            (
-                24.0,
-                Axis::linear(&label(state, "(k)"), x0, x1),
-                Axis::linear(&label(action, "(k)"), u0, u1),
-                None,
-            ),
+            (24.0, Axis::linear(&label(state, "(k)"), x0, x1), Axis::linear(&label(action, "(k)"), u0, u1), None),
             (
                 1.0,
                 Axis::linear_with("", 0.0, 1.0, 0.1),
@@ -119,18 +106,11 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
     let mut panels = panels.into_iter();
     let levels = level_values(&latent);
     if let Some(mut p) = panels.next() {
-        let (dx, du) = (
-            (x1 - x0) / (plane.x.len() - 1) as f64,
-            (u1 - u0) / (plane.u.len() - 1) as f64,
-        );
+        let (dx, du) = ((x1 - x0) / (plane.x.len() - 1) as f64, (u1 - u0) / (plane.u.len() - 1) as f64);
         for (j, u) in plane.u.iter().enumerate() {
             for (i, x) in plane.x.iter().enumerate() {
                 let fraction = (mean[j * plane.x.len() + i] - lo) / (hi - lo).max(1e-12);
-                p.cell(
-                    (x - 0.5 * dx, x + 0.5 * dx),
-                    (u - 0.5 * du, u + 0.5 * du),
-                    &ramp_color(fraction),
-                );
+                p.cell((x - 0.5 * dx, x + 0.5 * dx), (u - 0.5 * du, u + 0.5 * du), &ramp_color(fraction));
             }
         }
         for (level, dash) in levels.iter().zip([Dash::Solid, Dash::Dashed, Dash::Dotted]) {
@@ -138,11 +118,8 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
                 p.line(&line, "cw", dash, 1.5);
             }
         }
-        let points: Vec<(f64, f64)> = data
-            .strides
-            .iter()
-            .filter_map(|s| Some((*s.state.first()?, *s.action.first()?)))
-            .collect();
+        let points: Vec<(f64, f64)> =
+            data.strides.iter().filter_map(|s| Some((*s.state.first()?, *s.action.first()?))).collect();
         p.marks(&points, "s1", Mark::Disc, 3.4);
         let step = (plane.x.len() / 20).max(1);
         for j in (0..plane.u.len()).step_by(step) {
@@ -168,11 +145,7 @@ pub fn map_surface(data: &MapFigure) -> Result<Figure> {
         p.x.ticks.clear();
         for i in 0..64 {
             let at = |f: f64| lo + (hi - lo) * f / 64.0;
-            p.cell(
-                (0.0, 1.0),
-                (at(f64::from(i)), at(f64::from(i) + 1.0)),
-                &ramp_color((f64::from(i) + 0.5) / 64.0),
-            );
+            p.cell((0.0, 1.0), (at(f64::from(i)), at(f64::from(i) + 1.0)), &ramp_color((f64::from(i) + 0.5) / 64.0));
         }
         sheet.add(p);
     }
@@ -246,10 +219,7 @@ pub fn map_slices(data: &MapFigure) -> Result<Figure> {
             continue;
         };
         // Slices at a quarter, half and three quarters of the axis: within the data, which the axis overshoots.
-        let picks: Vec<usize> = [1, 2, 3]
-            .iter()
-            .map(|q| q * (plane.u.len() - 1) / 4)
-            .collect();
+        let picks: Vec<usize> = [1, 2, 3].iter().map(|q| q * (plane.u.len() - 1) / 4).collect();
         let n = plane.x.len();
         let at = |j: usize, k: f64| -> Vec<f64> {
             (0..n)
@@ -272,43 +242,22 @@ pub fn map_slices(data: &MapFigure) -> Result<Figure> {
         let y = Axis::covering(&label(name, "(k + 1)"), all);
         let specs = picks
             .iter()
-            .map(|_| {
-                (
-                    1.0,
-                    Axis::linear_with(&label(name, "(k)"), plane.x[0], plane.x[n - 1], 5.0),
-                    y.clone(),
-                )
-            })
+            .map(|_| (1.0, Axis::linear_with(&label(name, "(k)"), plane.x[0], plane.x[n - 1], 5.0), y.clone()))
             .collect::<Vec<_>>();
         let (printed, unit) = quantity(action_name);
-        let titles: Vec<String> = picks
-            .iter()
-            .map(|j| format!("{printed} = {} {unit}", signed(plane.u[*j], 2)))
-            .collect();
-        let specs = specs
-            .into_iter()
-            .zip(&titles)
-            .map(|((s, x, y), t)| (s, x, y, Some(t.as_str())))
-            .collect();
+        let titles: Vec<String> =
+            picks.iter().map(|j| format!("{printed} = {} {unit}", signed(plane.u[*j], 2))).collect();
+        let specs = specs.into_iter().zip(&titles).map(|((s, x, y), t)| (s, x, y, Some(t.as_str()))).collect();
         for (slot, mut p) in sheet.row(190.0, specs).into_iter().enumerate() {
             let j = picks[slot];
-            p.line(
-                &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
-                "ref",
-                Dash::Solid,
-                0.9,
-            );
+            p.line(&[(p.x.min, p.x.min), (p.x.max, p.x.max)], "ref", Dash::Solid, 0.9);
             p.band(&plane.x, &at(j, -2.0), &at(j, 2.0), "s0", 0.2);
             let mean = at(j, 0.0);
-            let points: Vec<(f64, f64)> =
-                plane.x.iter().copied().zip(mean.iter().copied()).collect();
+            let points: Vec<(f64, f64)> = plane.x.iter().copied().zip(mean.iter().copied()).collect();
             p.line(&points, "s0", Dash::Solid, 2.2);
             // Data belong to the slice whose action is nearest.
-            let near: Vec<(f64, f64)> = outcomes
-                .iter()
-                .filter(|q| nearest(&picks, &plane.u, q.2) == slot)
-                .map(|q| (q.0, q.1))
-                .collect();
+            let near: Vec<(f64, f64)> =
+                outcomes.iter().filter(|q| nearest(&picks, &plane.u, q.2) == slot).map(|q| (q.0, q.1)).collect();
             p.marks(&near, "s1", Mark::Disc, 3.2);
             let std: Vec<f64> = at(j, 1.0).iter().zip(&mean).map(|(a, m)| a - m).collect();
             for i in (0..n).step_by((n / 25).max(1)) {
@@ -343,17 +292,9 @@ pub fn map_slices(data: &MapFigure) -> Result<Figure> {
          the slice whose action is nearest to its own{}.",
         data.iteration,
         plain(&label(action_name, "")),
-        if several {
-            ", everything else held where the map settles under the policy found in it"
-        } else {
-            ""
-        },
+        if several { ", everything else held where the map settles under the policy found in it" } else { "" },
         data.strides.len(),
-        if several {
-            "; in the other components they lie anywhere, so they need not lie in the band"
-        } else {
-            ""
-        }
+        if several { "; in the other components they lie anywhere, so they need not lie in the band" } else { "" }
     );
     let alt = format!(
         "Slices of the learned map of {} over the state with bands of two standard deviations and the data.",
@@ -363,11 +304,5 @@ pub fn map_slices(data: &MapFigure) -> Result<Figure> {
 }
 
 fn nearest(picks: &[usize], u: &[f64], action: f64) -> usize {
-    (0..picks.len())
-        .min_by(|a, b| {
-            (u[picks[*a]] - action)
-                .abs()
-                .total_cmp(&(u[picks[*b]] - action).abs())
-        })
-        .unwrap_or(0)
+    (0..picks.len()).min_by(|a, b| (u[picks[*a]] - action).abs().total_cmp(&(u[picks[*b]] - action).abs())).unwrap_or(0)
 }

@@ -24,8 +24,7 @@ pub use paper::{Fig7, Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig7, fi
 pub use policy::{PolicyFigure, policy};
 pub use progress::{LearningCurves, StateOverStrides, learning_curves, state_over_strides};
 pub use return_map::{
-    Fig10, ReturnMap, ReturnPair, Undisturbed, UndisturbedReturnMaps, fig10, pushed_one_stride,
-    undisturbed_return_maps,
+    Fig10, ReturnMap, ReturnPair, Undisturbed, UndisturbedReturnMaps, fig10, pushed_one_stride, undisturbed_return_maps,
 };
 pub use samples::{SamplesPoint, samples};
 pub use seeds::{RunCurve, quartiles, runs_compared};

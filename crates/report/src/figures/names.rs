@@ -18,9 +18,7 @@ const UNITS: &[(&str, &str)] = &[
 
 /// Splits a column's name into the quantity as it is printed and its unit (empty if it has none).
 pub(crate) fn quantity(name: &str) -> (String, &'static str) {
-    let found = UNITS
-        .iter()
-        .find_map(|(end, unit)| name.strip_suffix(end).map(|q| (q, *unit)));
+    let found = UNITS.iter().find_map(|(end, unit)| name.strip_suffix(end).map(|q| (q, *unit)));
     let (bare, unit) = found.unwrap_or((name, ""));
     let printed = match bare {
         "psi_roll" => "ψ_{roll}".to_owned(),
@@ -37,11 +35,7 @@ pub(crate) fn quantity(name: &str) -> (String, &'static str) {
 /// `ψ_{roll}(k + 1) (deg)`.
 pub(crate) fn label(name: &str, argument: &str) -> String {
     let (quantity, unit) = quantity(name);
-    let unit = if unit.is_empty() {
-        String::new()
-    } else {
-        format!(" ({unit})")
-    };
+    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
     format!("{quantity}{argument}{unit}")
 }
 
@@ -64,10 +58,7 @@ pub(crate) fn reward_axis(label: &str, values: &[f64]) -> Axis {
 pub(crate) fn scale_note(axis: &Axis) -> String {
     match axis.scale {
         crate::draw::Scale::SymLog { linear } => {
-            format!(
-                " Vertical axis linear within ±{}, logarithmic beyond.",
-                number(linear, 1)
-            )
+            format!(" Vertical axis linear within ±{}, logarithmic beyond.", number(linear, 1))
         }
         crate::draw::Scale::Linear => String::new(),
     }

@@ -38,33 +38,18 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
     let stem = "fig7";
     some(stem, "curves", data.x.len())?;
     let n = data.x.len();
-    for (name, values) in [
-        ("x", &data.x),
-        ("target", &data.target),
-        ("mean", &data.mean),
-        ("std", &data.std),
-    ] {
+    for (name, values) in [("x", &data.x), ("target", &data.target), ("mean", &data.mean), ("std", &data.std)] {
         column(stem, name, values, n)?;
     }
     column(stem, "sample_x", &data.sample_x, data.sample_x.len())?;
     column(stem, "sample_y", &data.sample_y, data.sample_x.len())?;
 
     let at = |k: f64| -> Vec<f64> { (0..n).map(|i| data.mean[i] + k * data.std[i]).collect() };
-    let pairs =
-        |y: &[f64]| -> Vec<(f64, f64)> { data.x.iter().copied().zip(y.iter().copied()).collect() };
-    let all = at(2.0)
-        .into_iter()
-        .chain(at(-2.0))
-        .chain(data.sample_y.iter().copied());
-    let mut sheet = Sheet::new(
-        stem,
-        "Gaussian-process regression of a sine from a few samples",
-    );
-    let mut p = sheet.single(
-        300.0,
-        Axis::linear("input z (rad)", data.x[0], data.x[n - 1]),
-        Axis::covering("output", all),
-    );
+    let pairs = |y: &[f64]| -> Vec<(f64, f64)> { data.x.iter().copied().zip(y.iter().copied()).collect() };
+    let all = at(2.0).into_iter().chain(at(-2.0)).chain(data.sample_y.iter().copied());
+    let mut sheet = Sheet::new(stem, "Gaussian-process regression of a sine from a few samples");
+    let mut p =
+        sheet.single(300.0, Axis::linear("input z (rad)", data.x[0], data.x[n - 1]), Axis::covering("output", all));
     p.band(&data.x, &at(-2.0), &at(2.0), "s0", 0.12);
     p.band(&data.x, &at(-1.0), &at(1.0), "s0", 0.2);
     for k in [-2.0, -1.0, 1.0, 2.0] {
@@ -72,12 +57,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
     }
     p.line(&pairs(&data.target), "s1", Dash::Chain, 2.0);
     p.line(&pairs(&data.mean), "s0", Dash::Solid, 2.4);
-    let samples: Vec<(f64, f64)> = data
-        .sample_x
-        .iter()
-        .copied()
-        .zip(data.sample_y.iter().copied())
-        .collect();
+    let samples: Vec<(f64, f64)> = data.sample_x.iter().copied().zip(data.sample_y.iter().copied()).collect();
     p.marks(&samples, "s6", Mark::Circle, 4.5);
     for i in (0..n).step_by((n / 60).max(1)) {
         p.hover(
@@ -93,11 +73,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
         );
     }
     for (x, y) in &samples {
-        p.hover(
-            *x,
-            *y,
-            format!("sample: z = {} rad, {}", signed(*x, 2), signed(*y, 3)),
-        );
+        p.hover(*x, *y, format!("sample: z = {} rad, {}", signed(*x, 2), signed(*y, 3)));
     }
     p.key("target", Key::Line("s1", Dash::Chain));
     p.key("samples", Key::Mark("s6", Mark::Circle));
@@ -118,10 +94,7 @@ pub fn fig7(data: &Fig7) -> Result<Figure> {
     );
     let mut csv = String::from("series,z_rad,value,std,target\n");
     for i in 0..n {
-        csv.push_str(&format!(
-            "curve,{},{},{},{}\n",
-            data.x[i], data.mean[i], data.std[i], data.target[i]
-        ));
+        csv.push_str(&format!("curve,{},{},{},{}\n", data.x[i], data.mean[i], data.std[i], data.target[i]));
     }
     for (x, y) in &samples {
         csv.push_str(&format!("sample,{x},{y},,\n"));
@@ -178,76 +151,31 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
     let pick = |f: fn(&TrialComparison) -> f64| data.trials.iter().map(f).collect::<Vec<f64>>();
     let (gp, gp_sd) = (pick(|t| t.gp.mean), pick(|t| t.gp.sd));
     let (full, full_sd) = (pick(|t| t.full.mean), pick(|t| t.full.sd));
-    for (name, values) in [
-        ("gp.mean", &gp),
-        ("gp.sd", &gp_sd),
-        ("full.mean", &full),
-        ("full.sd", &full_sd),
-    ] {
+    for (name, values) in [("gp.mean", &gp), ("gp.sd", &gp_sd), ("full.mean", &full), ("full.sd", &full_sd)] {
         column(stem, name, values, data.trials.len())?;
     }
     // Half of the 95 % interval of a mean over the seeds.
     let of_mean = 1.96 / (data.seeds.max(1) as f64).sqrt();
-    let [gp_half, full_half] =
-        [&gp_sd, &full_sd].map(|sd| sd.iter().map(|sd| of_mean * sd).collect::<Vec<f64>>());
+    let [gp_half, full_half] = [&gp_sd, &full_sd].map(|sd| sd.iter().map(|sd| of_mean * sd).collect::<Vec<f64>>());
     let trial: Vec<f64> = data.trials.iter().map(|t| f64::from(t.trial)).collect();
     let last_trial = trial.iter().copied().fold(1.0, f64::max);
 
     // The even part reaches down to the decade of the best mean, a thousandth at least.
-    let best = gp
-        .iter()
-        .chain(&full)
-        .map(|v| v.abs())
-        .fold(f64::INFINITY, f64::min)
-        .max(1e-4);
+    let best = gp.iter().chain(&full).map(|v| v.abs()).fold(f64::INFINITY, f64::min).max(1e-4);
     let linear = 10f64.powf(best.log10().floor()).max(1e-3);
-    let low = (0..trial.len())
-        .flat_map(|i| [gp[i] - gp_half[i], full[i] - full_half[i]])
-        .fold(-linear * 10.0, f64::min);
-    let y = Axis::symlog(
-        "average reward per stride",
-        low * 1.25,
-        linear * 0.55,
-        linear,
-    );
-    let mut sheet = Sheet::new(
-        stem,
-        "Learning on the Gaussian-process map and on the full model",
-    );
-    let mut p = sheet.single(
-        330.0,
-        Axis::counting("learning trials", -0.5, last_trial + 0.5),
-        y,
-    );
+    let low =
+        (0..trial.len()).flat_map(|i| [gp[i] - gp_half[i], full[i] - full_half[i]]).fold(-linear * 10.0, f64::min);
+    let y = Axis::symlog("average reward per stride", low * 1.25, linear * 0.55, linear);
+    let mut sheet = Sheet::new(stem, "Learning on the Gaussian-process map and on the full model");
+    let mut p = sheet.single(330.0, Axis::counting("learning trials", -0.5, last_trial + 0.5), y);
 
     for (values, half, class, dash, mark, shift, name) in [
-        (
-            &full,
-            &full_half,
-            "s1",
-            Dash::Dashed,
-            Mark::Diamond,
-            0.09,
-            "full model",
-        ),
-        (
-            &gp,
-            &gp_half,
-            "s0",
-            Dash::Solid,
-            Mark::Disc,
-            -0.09,
-            "GP map",
-        ),
+        (&full, &full_half, "s1", Dash::Dashed, Mark::Diamond, 0.09, "full model"),
+        (&gp, &gp_half, "s0", Dash::Solid, Mark::Disc, -0.09, "GP map"),
     ] {
-        let points: Vec<(f64, f64)> = trial
-            .iter()
-            .zip(values)
-            .map(|(t, v)| (t + shift, *v))
-            .collect();
-        let bars: Vec<(f64, f64, f64)> = (0..trial.len())
-            .map(|i| (trial[i] + shift, values[i] - half[i], values[i] + half[i]))
-            .collect();
+        let points: Vec<(f64, f64)> = trial.iter().zip(values).map(|(t, v)| (t + shift, *v)).collect();
+        let bars: Vec<(f64, f64, f64)> =
+            (0..trial.len()).map(|i| (trial[i] + shift, values[i] - half[i], values[i] + half[i])).collect();
         p.error_bars(&bars, class, 3.0);
         p.line(&points, class, dash, 2.0);
         p.marks(&points, class, mark, 3.6);
@@ -255,12 +183,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
             p.hover(
                 points[i].0,
                 points[i].1,
-                format!(
-                    "{name}, after {} trials: {} ± {}",
-                    trial[i],
-                    number(values[i], 3),
-                    number(half[i], 2)
-                ),
+                format!("{name}, after {} trials: {} ± {}", trial[i], number(values[i], 3), number(half[i], 2)),
             );
         }
     }
@@ -271,11 +194,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
             let row = p.top + 11.0;
             let column = p.px(*x);
             p.note_px(column, row + 4.0, Anchor::Middle, "pnl", "*");
-            p.hover(
-                *x,
-                p.y.max,
-                format!("trial {}: p = {}", t.trial, number(value, 2)),
-            );
+            p.hover(*x, p.y.max, format!("trial {}: p = {}", t.trial, number(value, 2)));
         }
     }
     p.key("GP map", Key::Both("s0", Dash::Solid, Mark::Disc));
@@ -306,10 +225,7 @@ pub fn fig8(data: &Fig8) -> Result<Figure> {
     let mut csv = String::from("trial,gp_mean,gp_sd,full_mean,full_sd,p_value\n");
     for t in &data.trials {
         let p_value = t.p_value.map_or_else(String::new, |v| v.to_string());
-        csv.push_str(&format!(
-            "{},{},{},{},{},{p_value}\n",
-            t.trial, t.gp.mean, t.gp.sd, t.full.mean, t.full.sd
-        ));
+        csv.push_str(&format!("{},{},{},{},{},{p_value}\n", t.trial, t.gp.mean, t.gp.sd, t.full.mean, t.full.sd));
     }
     let alt = format!(
         "Learning curves over {} trials: average reward with the GP map rises from {} to {}, with the full model from {} to {}.",
@@ -361,16 +277,9 @@ pub fn fig9(data: &Fig9) -> Result<Figure> {
     for (name, curve) in [("gp", &data.gp), ("full", &data.full)] {
         column(stem, &format!("{name}.mean"), &curve.mean, x.len())?;
         column(stem, &format!("{name}.sd"), &curve.sd, x.len())?;
-        column(
-            stem,
-            &format!("{name}.visited"),
-            &curve.visited,
-            curve.visited.len(),
-        )?;
+        column(stem, &format!("{name}.visited"), &curve.visited, curve.visited.len())?;
     }
-    let edge = |c: &PolicyCurve, k: f64| -> Vec<f64> {
-        c.mean.iter().zip(&c.sd).map(|(m, s)| m + k * s).collect()
-    };
+    let edge = |c: &PolicyCurve, k: f64| -> Vec<f64> { c.mean.iter().zip(&c.sd).map(|(m, s)| m + k * s).collect() };
     let mut values = Vec::new();
     for c in [&data.gp, &data.full] {
         values.extend(edge(c, 1.0));
@@ -382,21 +291,16 @@ pub fn fig9(data: &Fig9) -> Result<Figure> {
     );
     // Room below for two rows of rug.
     values.push(lo - 0.09 * (hi - lo));
-    let mut sheet = Sheet::new(
-        stem,
-        "Policies learned on the Gaussian-process map and on the full model",
-    );
+    let mut sheet = Sheet::new(stem, "Policies learned on the Gaussian-process map and on the full model");
     let mut p = sheet.single(
         310.0,
         Axis::linear(&format!("{PSI} (deg)"), x[0], x[x.len() - 1]),
         Axis::covering(&format!("mean action {}", data.action_label), values),
     );
-    for (row, (c, class, dash, name)) in [
-        (&data.full, "s1", Dash::Dashed, "full model"),
-        (&data.gp, "s0", Dash::Solid, "GP map"),
-    ]
-    .into_iter()
-    .enumerate()
+    for (row, (c, class, dash, name)) in
+        [(&data.full, "s1", Dash::Dashed, "full model"), (&data.gp, "s0", Dash::Solid, "GP map")]
+            .into_iter()
+            .enumerate()
     {
         p.band(x, &edge(c, -1.0), &edge(c, 1.0), class, 0.16);
         let points: Vec<(f64, f64)> = x.iter().copied().zip(c.mean.iter().copied()).collect();

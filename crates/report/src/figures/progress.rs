@@ -35,11 +35,7 @@ fn iterations(p: &mut Panel, of: &[usize]) {
             }
             let x = p.px(start as f64 + 0.5) + 5.0;
             let room = p.px(i as f64 + 0.5) - x;
-            let text = if room > 66.0 {
-                format!("iteration {}", of[start])
-            } else {
-                of[start].to_string()
-            };
+            let text = if room > 66.0 { format!("iteration {}", of[start]) } else { of[start].to_string() };
             if room > 10.0 {
                 p.note_px(x, p.top + 12.0, crate::draw::Anchor::Start, "mut", &text);
             }
@@ -56,10 +52,7 @@ fn levels(p: &mut Panel, data: &LearningCurves) {
     ] {
         if let Some(value) = value {
             p.across(value, class, dash);
-            p.key(
-                &format!("{name} ({})", number(value, 3)),
-                Key::Line(class, dash),
-            );
+            p.key(&format!("{name} ({})", number(value, 3)), Key::Line(class, dash));
         }
     }
 }
@@ -71,16 +64,8 @@ fn levels(p: &mut Panel, data: &LearningCurves) {
 /// [`ReportError::Empty`](crate::ReportError::Empty) if there is neither a trial nor a stride.
 pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
     let stem = "learning";
-    let trials: Vec<&LearningRow> = data
-        .trials
-        .iter()
-        .filter(|t| t.world == World::Map)
-        .collect();
-    some(
-        stem,
-        "no trial and no stride",
-        trials.len() + data.strides.len(),
-    )?;
+    let trials: Vec<&LearningRow> = data.trials.iter().filter(|t| t.world == World::Map).collect();
+    some(stem, "no trial and no stride", trials.len() + data.strides.len())?;
     let mut sheet = Sheet::new(stem, "Reward in the map and on the robot");
     let mut notes = String::new();
     if !trials.is_empty() {
@@ -93,30 +78,16 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         let x = Axis::counting("trial in the learned map", 0.5, trials.len() as f64 + 0.5);
         let mut panels = sheet.row(170.0, vec![(1.0, x, y, Some("In the learned map"))]);
         if let Some(mut p) = panels.pop() {
-            let points: Vec<(f64, f64)> = rewards
-                .iter()
-                .enumerate()
-                .map(|(i, r)| (i as f64 + 1.0, *r))
-                .collect();
-            iterations(
-                &mut p,
-                &trials.iter().map(|t| t.iteration).collect::<Vec<_>>(),
-            );
+            let points: Vec<(f64, f64)> = rewards.iter().enumerate().map(|(i, r)| (i as f64 + 1.0, *r)).collect();
+            iterations(&mut p, &trials.iter().map(|t| t.iteration).collect::<Vec<_>>());
             // A new iteration is a new learner: the line breaks there.
-            for of in trials
-                .chunk_by(|a, b| a.iteration == b.iteration)
-                .scan(0, |from, chunk| {
-                    *from += chunk.len();
-                    Some(*from - chunk.len()..*from)
-                })
-            {
+            for of in trials.chunk_by(|a, b| a.iteration == b.iteration).scan(0, |from, chunk| {
+                *from += chunk.len();
+                Some(*from - chunk.len()..*from)
+            }) {
                 p.line(&points[of], "s0", Dash::Solid, 1.3);
             }
-            for (t, (x, y)) in trials
-                .iter()
-                .zip(&points)
-                .step_by((trials.len() / 300).max(1))
-            {
+            for (t, (x, y)) in trials.iter().zip(&points).step_by((trials.len() / 300).max(1)) {
                 p.hover(
                     *x,
                     *y,
@@ -130,26 +101,14 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
                     ),
                 );
             }
-            p.key(
-                "average reward of a trial in the map",
-                Key::Line("s0", Dash::Solid),
-            );
+            p.key("average reward of a trial in the map", Key::Line("s0", Dash::Solid));
             sheet.add(p);
         }
     }
-    let falls = data
-        .strides
-        .iter()
-        .filter(|s| s.end != StrideEnd::Crossing)
-        .count();
+    let falls = data.strides.iter().filter(|s| s.end != StrideEnd::Crossing).count();
     if !data.strides.is_empty() {
         let mut rewards: Vec<f64> = data.strides.iter().map(|s| s.reward).collect();
-        rewards.extend(
-            data.nominal
-                .iter()
-                .chain(&data.final_policy)
-                .chain(&data.best),
-        );
+        rewards.extend(data.nominal.iter().chain(&data.final_policy).chain(&data.best));
         let (lo, hi) = extent(rewards.iter().copied());
         if hi > 0.0 {
             // Head room for the names of the iterations; an axis that ends at zero has it anyway.
@@ -159,10 +118,7 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
         let x = Axis::counting("stride on the robot", 0.5, data.strides.len() as f64 + 0.5);
         let mut panels = sheet.row(190.0, vec![(1.0, x, y, Some("On the robot"))]);
         if let Some(mut p) = panels.pop() {
-            iterations(
-                &mut p,
-                &data.strides.iter().map(|s| s.iteration).collect::<Vec<_>>(),
-            );
+            iterations(&mut p, &data.strides.iter().map(|s| s.iteration).collect::<Vec<_>>());
             levels(&mut p, data);
             strides(&mut p, &data.strides, |s| s.reward, "reward");
             sheet.add(p);
@@ -176,10 +132,7 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
             plural(n, "trial")
         ),
     };
-    let paper = data
-        .paper
-        .as_ref()
-        .map_or_else(String::new, |p| format!(" {p}"));
+    let paper = data.paper.as_ref().map_or_else(String::new, |p| format!(" {p}"));
     let caption = format!(
         "{above}eward of \
          each stride on the robot, training and evaluation, in order, without averaging (n = {}, {falls} ended \
@@ -192,10 +145,7 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
     );
     let mut csv = String::from("world,iteration,index,reward,falls,strides,end\n");
     for t in &trials {
-        csv.push_str(&format!(
-            "map,{},{},{},{},{},\n",
-            t.iteration, t.trial, t.average_reward, t.falls, t.strides
-        ));
+        csv.push_str(&format!("map,{},{},{},{},{},\n", t.iteration, t.trial, t.average_reward, t.falls, t.strides));
     }
     for (i, s) in data.strides.iter().enumerate() {
         csv.push_str(&format!(
@@ -218,45 +168,20 @@ pub fn learning_curves(data: &LearningCurves) -> Result<Figure> {
 }
 
 /// Which strides, colour, mark and name.
-type MarkedSet<'a> = (
-    &'a dyn Fn(&Transition) -> bool,
-    &'static str,
-    Mark,
-    &'static str,
-);
+type MarkedSet<'a> = (&'a dyn Fn(&Transition) -> bool, &'static str, Mark, &'static str);
 
 /// Strides on the robot as marks: training, evaluation, and those that ended badly.
 fn strides(p: &mut Panel, rows: &[Transition], value: impl Fn(&Transition) -> f64, what: &str) {
     let pick = |keep: &dyn Fn(&Transition) -> bool| -> Vec<(f64, f64)> {
-        rows.iter()
-            .enumerate()
-            .filter(|(_, s)| keep(s))
-            .map(|(i, s)| (i as f64 + 1.0, value(s)))
-            .collect()
+        rows.iter().enumerate().filter(|(_, s)| keep(s)).map(|(i, s)| (i as f64 + 1.0, value(s))).collect()
     };
     let ok = |s: &Transition| s.end == StrideEnd::Crossing;
-    let tries =
-        |s: &Transition| s.phase == StridePhase::Evaluate || s.role == StrideRole::Evaluation;
+    let tries = |s: &Transition| s.phase == StridePhase::Evaluate || s.role == StrideRole::Evaluation;
     let sets: [MarkedSet<'_>; 4] = [
-        (
-            &|s| ok(s) && !tries(s),
-            "s0",
-            Mark::Disc,
-            "exploring or sampling",
-        ),
-        (
-            &|s| ok(s) && tries(s),
-            "s4",
-            Mark::Diamond,
-            "trying the policy's mean",
-        ),
+        (&|s| ok(s) && !tries(s), "s0", Mark::Disc, "exploring or sampling"),
+        (&|s| ok(s) && tries(s), "s4", Mark::Diamond, "trying the policy's mean"),
         (&|s| s.end == StrideEnd::Fell, "s1", Mark::Cross, "fall"),
-        (
-            &|s| matches!(s.end, StrideEnd::NoCrossing | StrideEnd::Aborted),
-            "s6",
-            Mark::Cross,
-            "stall or abort",
-        ),
+        (&|s| matches!(s.end, StrideEnd::NoCrossing | StrideEnd::Aborted), "s6", Mark::Cross, "stall or abort"),
     ];
     for (keep, class, mark, name) in sets {
         let points = pick(keep);
@@ -307,12 +232,7 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
     let stem = "state";
     let total = data.strides.len() + data.nominal.len() + data.final_policy.len();
     some(stem, "no stride", total)?;
-    let value = |s: &Transition| {
-        s.next_state
-            .get(data.component)
-            .copied()
-            .unwrap_or(f64::NAN)
-    };
+    let value = |s: &Transition| s.next_state.get(data.component).copied().unwrap_or(f64::NAN);
     let shown = |s: &&Transition| s.end != StrideEnd::Aborted;
     let all: Vec<f64> = [&data.strides, &data.nominal, &data.final_policy]
         .iter()
@@ -321,34 +241,21 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         .collect();
     let name = label(&data.name, "");
     let (quantity, _) = super::names::quantity(&data.name);
-    let mut sheet = Sheet::new(
-        stem,
-        &format!("{quantity} at the section, stride by stride"),
-    );
+    let mut sheet = Sheet::new(stem, &format!("{quantity} at the section, stride by stride"));
     let target = |p: &mut Panel| {
         if let Some(target) = data.target {
             p.across(target, "s6", Dash::Chain);
-            p.key(
-                &format!("desired, {}", signed(target, 1)),
-                Key::Line("s6", Dash::Chain),
-            );
+            p.key(&format!("desired, {}", signed(target, 1)), Key::Line("s6", Dash::Chain));
         }
     };
     if !data.strides.is_empty() {
-        let x = Axis::counting(
-            "stride on the robot while learning",
-            0.5,
-            data.strides.len() as f64 + 0.5,
-        );
+        let x = Axis::counting("stride on the robot while learning", 0.5, data.strides.len() as f64 + 0.5);
         // Head room for the names of the iterations.
         let (lo, hi) = extent(all.iter().copied());
         let y = Axis::covering(&name, all.iter().copied().chain([hi + 0.14 * (hi - lo)]));
         let mut row = sheet.row(175.0, vec![(1.0, x, y, Some("While learning"))]);
         if let Some(mut p) = row.pop() {
-            iterations(
-                &mut p,
-                &data.strides.iter().map(|s| s.iteration).collect::<Vec<_>>(),
-            );
+            iterations(&mut p, &data.strides.iter().map(|s| s.iteration).collect::<Vec<_>>());
             target(&mut p);
             strides(&mut p, &data.strides, value, &plain(&quantity));
             sheet.add(p);
@@ -368,25 +275,14 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
                 if rows.is_empty() {
                     continue;
                 }
-                let points: Vec<(f64, f64)> = rows
-                    .iter()
-                    .enumerate()
-                    .map(|(i, s)| (i as f64 + 1.0, value(s)))
-                    .collect();
+                let points: Vec<(f64, f64)> =
+                    rows.iter().enumerate().map(|(i, s)| (i as f64 + 1.0, value(s))).collect();
                 p.line(&points, class, dash, 1.8);
-                let falls: Vec<(f64, f64)> = rows
-                    .iter()
-                    .zip(&points)
-                    .filter(|(s, _)| s.end == StrideEnd::Fell)
-                    .map(|(_, q)| *q)
-                    .collect();
+                let falls: Vec<(f64, f64)> =
+                    rows.iter().zip(&points).filter(|(s, _)| s.end == StrideEnd::Fell).map(|(_, q)| *q).collect();
                 p.marks(&falls, class, Mark::Cross, 4.0);
                 for (x, y) in &points {
-                    p.hover(
-                        *x,
-                        *y,
-                        format!("{what}, stride {x}: {} {}", plain(&quantity), signed(*y, 2)),
-                    );
+                    p.hover(*x, *y, format!("{what}, stride {x}: {} {}", plain(&quantity), signed(*y, 2)));
                 }
                 p.key(what, Key::Line(class, dash));
             }
@@ -404,10 +300,7 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         count(&data.strides),
         count(&data.nominal),
         count(&data.final_policy),
-        data.target.map_or_else(
-            || " (none in this task)".to_owned(),
-            |t| format!(", {}", signed(t, 1))
-        ),
+        data.target.map_or_else(|| " (none in this task)".to_owned(), |t| format!(", {}", signed(t, 1))),
         if data.target.is_some() {
             " The paper's Fig. 14 (real robot): mean of strides 10 to 40 is 0.12 deg for a target of 0.0 deg."
         } else {
@@ -415,18 +308,11 @@ pub fn state_over_strides(data: &StateOverStrides) -> Result<Figure> {
         }
     );
     let mut csv = format!("what,stride,{},end\n", data.name);
-    for (what, rows) in [
-        ("learning", &data.strides),
-        ("nominal", &data.nominal),
-        ("final", &data.final_policy),
-    ] {
+    for (what, rows) in [("learning", &data.strides), ("nominal", &data.nominal), ("final", &data.final_policy)] {
         for (i, s) in rows.iter().enumerate() {
             csv.push_str(&format!("{what},{},{},{}\n", i + 1, value(s), s.end.name()));
         }
     }
-    let alt = format!(
-        "{} over {total} strides: while learning, and nominal gait against final policy.",
-        plain(&name)
-    );
+    let alt = format!("{} over {total} strides: while learning, and nominal gait against final policy.", plain(&name));
     Ok(sheet.finish(&caption, &alt, csv))
 }

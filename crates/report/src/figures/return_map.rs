@@ -69,32 +69,16 @@ pub fn pushed_one_stride(data: &Fig10) -> Result<Figure> {
 fn pushed(stem: &str, lag: usize, data: &Fig10) -> Result<Figure> {
     some(stem, "pairs", data.maps.iter().map(|m| m.pairs.len()).sum())?;
     for map in &data.maps {
-        let flat: Vec<f64> = map
-            .pairs
-            .iter()
-            .flat_map(|p| [p.psi_roll_deg, p.psi_roll_after_2_deg])
-            .collect();
+        let flat: Vec<f64> = map.pairs.iter().flat_map(|p| [p.psi_roll_deg, p.psi_roll_after_2_deg]).collect();
         column(stem, &map.name, &flat, 2 * map.pairs.len())?;
     }
-    let values = || {
-        data.maps.iter().flat_map(|m| {
-            m.pairs
-                .iter()
-                .flat_map(|p| [p.psi_roll_deg, p.psi_roll_after_2_deg])
-        })
-    };
+    let values =
+        || data.maps.iter().flat_map(|m| m.pairs.iter().flat_map(|p| [p.psi_roll_deg, p.psi_roll_after_2_deg]));
     let axis = |label: String| Axis::covering(&label, values());
     let panels = data
         .maps
         .iter()
-        .map(|m| {
-            (
-                1.0,
-                axis(format!("{PSI}(k) (deg)")),
-                axis(format!("{PSI}(k + {lag}) (deg)")),
-                Some(m.name.as_str()),
-            )
-        })
+        .map(|m| (1.0, axis(format!("{PSI}(k) (deg)")), axis(format!("{PSI}(k + {lag}) (deg)")), Some(m.name.as_str())))
         .collect();
     let title = match lag {
         1 => "Return map under pushes, one stride on",
@@ -111,27 +95,16 @@ fn pushed(stem: &str, lag: usize, data: &Fig10) -> Result<Figure> {
 }
 
 fn draw(p: &mut Panel, map: &ReturnMap, target: Option<f64>) {
-    p.line(
-        &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
-        "ref",
-        Dash::Solid,
-        1.1,
-    );
+    p.line(&[(p.x.min, p.x.min), (p.x.max, p.x.max)], "ref", Dash::Solid, 1.1);
     if let Some(target) = target {
         p.upward(target, "ref", Dash::Dotted);
         p.across(target, "ref", Dash::Dotted);
         p.key("desired state", Key::Line("ref", Dash::Dotted));
     }
-    let points: Vec<(f64, f64)> = map
-        .pairs
-        .iter()
-        .map(|q| (q.psi_roll_deg, q.psi_roll_after_2_deg))
-        .collect();
+    let points: Vec<(f64, f64)> = map.pairs.iter().map(|q| (q.psi_roll_deg, q.psi_roll_after_2_deg)).collect();
     p.marks(&points, "s0", Mark::Dot, 4.2);
     for pair in &map.pairs {
-        let force = pair
-            .force_n
-            .map_or_else(String::new, |f| format!(", push {} N", signed(f, 1)));
+        let force = pair.force_n.map_or_else(String::new, |f| format!(", push {} N", signed(f, 1)));
         p.hover(
             pair.psi_roll_deg,
             pair.psi_roll_after_2_deg,
@@ -145,33 +118,12 @@ fn draw(p: &mut Panel, map: &ReturnMap, target: Option<f64>) {
     }
     if let (Some(slope), Some(fixed)) = (map.slope, map.fixed_point_deg) {
         let at = |x: f64| fixed + slope * (x - fixed);
-        p.line(
-            &[(p.x.min, at(p.x.min)), (p.x.max, at(p.x.max))],
-            "s1",
-            Dash::Dashed,
-            2.2,
-        );
+        p.line(&[(p.x.min, at(p.x.min)), (p.x.max, at(p.x.max))], "s1", Dash::Dashed, 2.2);
         p.marks(&[(fixed, fixed)], "s1", Mark::Circle, 6.0);
-        p.hover(
-            fixed,
-            fixed,
-            format!("{}: fixed point {} deg", map.name, signed(fixed, 2)),
-        );
+        p.hover(fixed, fixed, format!("{}: fixed point {} deg", map.name, signed(fixed, 2)));
         let (x, y) = (p.left + p.width - 6.0, p.top + p.height - 26.0);
-        p.note_px(
-            x,
-            y,
-            Anchor::End,
-            "",
-            &format!("slope {}", signed(slope, 2)),
-        );
-        p.note_px(
-            x,
-            y + 16.0,
-            Anchor::End,
-            "",
-            &format!("fixed point {}°", signed(fixed, 2)),
-        );
+        p.note_px(x, y, Anchor::End, "", &format!("slope {}", signed(slope, 2)));
+        p.note_px(x, y + 16.0, Anchor::End, "", &format!("fixed point {}°", signed(fixed, 2)));
     }
     p.key("pairs", Key::Mark("s0", Mark::Dot));
     p.key("linear fit", Key::Line("s1", Dash::Dashed));
@@ -182,11 +134,7 @@ fn draw(p: &mut Panel, map: &ReturnMap, target: Option<f64>) {
 fn caption(data: &Fig10, lag: usize) -> String {
     let push = match (data.force_n, data.duration_s) {
         (Some(force), Some(duration)) => {
-            format!(
-                " Lateral pushes, uniform within ±{} N, for {} s.",
-                signed(force, 0),
-                signed(duration, 1)
-            )
+            format!(" Lateral pushes, uniform within ±{} N, for {} s.", signed(force, 0), signed(duration, 1))
         }
         _ => String::new(),
     };
@@ -196,11 +144,7 @@ fn caption(data: &Fig10, lag: usize) -> String {
         .map(|m| {
             let line = match (m.slope, m.fixed_point_deg) {
                 (Some(slope), Some(fixed)) => {
-                    format!(
-                        "slope {}, fixed point {} deg",
-                        signed(slope, 2),
-                        signed(fixed, 2)
-                    )
+                    format!("slope {}, fixed point {} deg", signed(slope, 2), signed(fixed, 2))
                 }
                 _ => "too few pairs for a line".to_owned(),
             };
@@ -212,9 +156,8 @@ fn caption(data: &Fig10, lag: usize) -> String {
             format!("{}: {line} (n = {} pairs, {falls})", m.name, m.pairs.len())
         })
         .collect();
-    let target = data.target_deg.map_or_else(String::new, |t| {
-        format!(" Dotted: the desired state, {} deg.", signed(t, 1))
-    });
+    let target =
+        data.target_deg.map_or_else(String::new, |t| format!(" Dotted: the desired state, {} deg.", signed(t, 1)));
     let each = each.join("; ");
     let how = "Each point is one pair, without averaging; dashed: least squares; circle: where it meets the identity";
     if lag == 1 {
@@ -241,11 +184,7 @@ fn alt(data: &Fig10, lag: usize) -> String {
         .collect();
     format!(
         "Scatter plots of psi_roll {} against psi_roll after a push: {}.",
-        if lag == 1 {
-            "one stride later"
-        } else {
-            "two strides later"
-        },
+        if lag == 1 { "one stride later" } else { "two strides later" },
         each.join("; ")
     )
 }
@@ -304,22 +243,10 @@ fn pairs(stretches: &[Vec<f64>], lag: usize) -> Vec<(f64, f64)> {
 /// [`ReportError::Empty`](crate::ReportError::Empty) if no stretch has two states.
 pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
     let stem = "return-map";
-    const CLASSES: [(&str, Mark, Dash); 3] = [
-        ("s1", Mark::Diamond, Dash::Dashed),
-        ("s2", Mark::Disc, Dash::Solid),
-        ("s0", Mark::Disc, Dash::Chain),
-    ];
-    some(
-        stem,
-        "no two strides in a row",
-        data.runs.iter().map(|r| pairs(&r.stretches, 1).len()).sum(),
-    )?;
-    let values = || {
-        data.runs
-            .iter()
-            .flat_map(|r| r.stretches.iter().flatten().copied())
-            .chain(data.target)
-    };
+    const CLASSES: [(&str, Mark, Dash); 3] =
+        [("s1", Mark::Diamond, Dash::Dashed), ("s2", Mark::Disc, Dash::Solid), ("s0", Mark::Disc, Dash::Chain)];
+    some(stem, "no two strides in a row", data.runs.iter().map(|r| pairs(&r.stretches, 1).len()).sum())?;
+    let values = || data.runs.iter().flat_map(|r| r.stretches.iter().flatten().copied()).chain(data.target);
     let axis = |argument: &str| Axis::covering(&label(&data.name, argument), values());
     let mut sheet = Sheet::new(stem, "Return maps without pushes");
     let panels = sheet.row(
@@ -333,12 +260,7 @@ pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
     let unit = quantity(&data.name).1;
     let mut said = Vec::new();
     for (lag, mut p) in panels.into_iter().enumerate().map(|(i, p)| (i + 1, p)) {
-        p.line(
-            &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
-            "ref",
-            Dash::Solid,
-            1.1,
-        );
+        p.line(&[(p.x.min, p.x.min), (p.x.max, p.x.max)], "ref", Dash::Solid, 1.1);
         if let Some(target) = data.target {
             p.upward(target, "ref", Dash::Dotted);
             p.across(target, "ref", Dash::Dotted);
@@ -355,16 +277,7 @@ pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
             }
             p.marks(&points, class, mark, 3.2);
             for (a, b) in &points {
-                p.hover(
-                    *a,
-                    *b,
-                    format!(
-                        "{}: {} to {} after {lag}",
-                        run.name,
-                        signed(*a, 2),
-                        signed(*b, 2)
-                    ),
-                );
+                p.hover(*a, *b, format!("{}: {} to {} after {lag}", run.name, signed(*a, 2), signed(*b, 2)));
                 csv.push_str(&format!("{},{lag},{a},{b}\n", run.name.replace(',', " ")));
             }
             if let Some((line, fixed)) = line {
@@ -392,11 +305,7 @@ pub fn undisturbed_return_maps(data: &UndisturbedReturnMaps) -> Result<Figure> {
                     signed(fixed, 2),
                     points.len()
                 ),
-                None => format!(
-                    "{} to k + {lag}: no line (n = {} pairs)",
-                    run.name,
-                    points.len()
-                ),
+                None => format!("{} to k + {lag}: no line (n = {} pairs)", run.name, points.len()),
             });
         }
         p.key("identity", Key::Line("ref", Dash::Solid));

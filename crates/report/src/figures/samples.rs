@@ -60,8 +60,7 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
         axis.ticks = counts.iter().map(|n| (place(*n), n.to_string())).collect();
         axis
     };
-    let from_zero =
-        |label: &str, values: &[f64]| Axis::covering(label, values.iter().copied().chain([0.0]));
+    let from_zero = |label: &str, values: &[f64]| Axis::covering(label, values.iter().copied().chain([0.0]));
     let of = |n: u32, value: &dyn Fn(&SamplesPoint) -> Option<f64>| -> Vec<f64> {
         let own = points.iter().filter(|p| p.samples == n);
         own.filter_map(value).collect()
@@ -73,51 +72,21 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
     let panels = sheet.row(
         260.0,
         vec![
-            (
-                1.0,
-                x(),
-                from_zero("prediction error (share of the spread)", &errors),
-                None,
-            ),
-            (
-                1.0,
-                x(),
-                from_zero("speed of the policy (m/s)", &speeds),
-                None,
-            ),
+            (1.0, x(), from_zero("prediction error (share of the spread)", &errors), None),
+            (1.0, x(), from_zero("speed of the policy (m/s)", &speeds), None),
         ],
     );
     type Value<'a> = &'a dyn Fn(&SamplesPoint) -> Option<f64>;
     let series: [(usize, Value<'_>, &str, Dash, Mark, &str); 3] = [
-        (
-            0,
-            &unseen,
-            "s2",
-            Dash::Dashed,
-            Mark::Diamond,
-            "error on unseen strides",
-        ),
-        (
-            0,
-            &error,
-            "s1",
-            Dash::Solid,
-            Mark::Dot,
-            "error, leaving one out",
-        ),
+        (0, &unseen, "s2", Dash::Dashed, Mark::Diamond, "error on unseen strides"),
+        (0, &error, "s1", Dash::Solid, Mark::Dot, "error, leaving one out"),
         (1, &speed, "s0", Dash::Solid, Mark::Dot, "speed"),
     ];
     for (i, mut p) in panels.into_iter().enumerate() {
         for (_, value, class, dash, mark, name) in series.iter().filter(|s| s.0 == i) {
-            let medians: Vec<(f64, f64)> = counts
-                .iter()
-                .map(|n| (place(*n), median(of(*n, value))))
-                .collect();
+            let medians: Vec<(f64, f64)> = counts.iter().map(|n| (place(*n), median(of(*n, value)))).collect();
             p.line(&medians, class, *dash, 2.2);
-            let seeds: Vec<(f64, f64)> = points
-                .iter()
-                .filter_map(|q| Some((place(q.samples), value(q)?)))
-                .collect();
+            let seeds: Vec<(f64, f64)> = points.iter().filter_map(|q| Some((place(q.samples), value(q)?))).collect();
             let size = if *mark == Mark::Dot { 4.0 } else { 2.8 };
             p.marks(&seeds, class, *mark, size);
             for q in points {
@@ -166,15 +135,9 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
     let mut csv = String::from("samples,seed,error,unseen_error,speed_m_s,falls\n");
     for p in points {
         let speed = p.speed_m_s.map_or_else(String::new, |v| v.to_string());
-        csv.push_str(&format!(
-            "{},{},{},{},{speed},{}\n",
-            p.samples, p.seed, p.error, p.unseen_error, p.falls
-        ));
+        csv.push_str(&format!("{},{},{},{},{speed},{}\n", p.samples, p.seed, p.error, p.unseen_error, p.falls));
     }
-    let alt = format!(
-        "Two plots against the number of samples, medians of error and speed: {}.",
-        said.join("; ")
-    );
+    let alt = format!("Two plots against the number of samples, medians of error and speed: {}.", said.join("; "));
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
@@ -200,9 +163,7 @@ mod tests {
         ];
         let figure = samples(&points).unwrap();
         assert!(
-            figure.caption.contains(
-                "(20: 0.9 and 1, 0.100 m/s; 200: 0.3 and 1, 0.450 m/s). 2 falls in 4 runs"
-            ),
+            figure.caption.contains("(20: 0.9 and 1, 0.100 m/s; 200: 0.3 and 1, 0.450 m/s). 2 falls in 4 runs"),
             "{}",
             figure.caption
         );

@@ -32,10 +32,7 @@ impl RunCurve {
     /// Nominal gait at 0 strides, then each iteration's policy.
     fn points(&self) -> Vec<(f64, f64)> {
         let nominal = self.nominal.map(|n| (0.0, n));
-        nominal
-            .into_iter()
-            .chain(self.iterations.iter().copied())
-            .collect()
+        nominal.into_iter().chain(self.iterations.iter().copied()).collect()
     }
 }
 
@@ -113,16 +110,8 @@ fn draw_spread(p: &mut Panel, spread: &[Spread], marks: bool) {
 /// [`ReportError::Empty`](crate::ReportError::Empty) if no run has an iteration.
 pub fn runs_compared(runs: &[RunCurve], reward: &str) -> Result<Figure> {
     let stem = "runs";
-    some(
-        stem,
-        "no iteration",
-        runs.iter().map(|r| r.iterations.len()).sum(),
-    )?;
-    let title = if runs.len() < FEWEST_FOR_SPREAD {
-        "Runs beside each other"
-    } else {
-        "Learning over the runs"
-    };
+    some(stem, "no iteration", runs.iter().map(|r| r.iterations.len()).sum())?;
+    let title = if runs.len() < FEWEST_FOR_SPREAD { "Runs beside each other" } else { "Learning over the runs" };
     let mut sheet = Sheet::new(stem, title);
     let mut notes = imagined(&mut sheet, runs, reward);
     let spread_on_robot = on_robot(&mut sheet, runs, reward, &mut notes);
@@ -155,9 +144,7 @@ pub fn runs_compared(runs: &[RunCurve], reward: &str) -> Result<Figure> {
         plural(runs.len(), "run"),
         plural(runs.iter().map(|r| r.falls).sum::<u64>() as usize, "fall")
     );
-    let mut csv = String::from(
-        "run,world,strides_or_trials_so_far,reward,lower_quartile,upper_quartile,runs\n",
-    );
+    let mut csv = String::from("run,world,strides_or_trials_so_far,reward,lower_quartile,upper_quartile,runs\n");
     for r in runs {
         let name = r.name.replace(',', " ");
         for (x, y) in r.points() {
@@ -170,36 +157,19 @@ pub fn runs_compared(runs: &[RunCurve], reward: &str) -> Result<Figure> {
     for (x, [low, middle, high], n) in &spread_on_robot {
         csv.push_str(&format!("median,robot,{x},{middle},{low},{high},{n}\n"));
     }
-    let alt = format!(
-        "{reward} against strides for {}, with median and quartiles.{last}",
-        plural(runs.len(), "run")
-    );
+    let alt = format!("{reward} against strides for {}, with median and quartiles.{last}", plural(runs.len(), "run"));
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
 /// The panel of the trials in the map; returns what its axis needs said.
 fn imagined(sheet: &mut Sheet, runs: &[RunCurve], reward: &str) -> String {
-    let curves: Vec<Vec<(f64, f64)>> = runs
-        .iter()
-        .map(|r| {
-            r.trials
-                .iter()
-                .enumerate()
-                .map(|(i, v)| (i as f64 + 1.0, *v))
-                .collect()
-        })
-        .collect();
+    let curves: Vec<Vec<(f64, f64)>> =
+        runs.iter().map(|r| r.trials.iter().enumerate().map(|(i, v)| (i as f64 + 1.0, *v)).collect()).collect();
     let longest = curves.iter().map(Vec::len).max().unwrap_or(0);
     if longest == 0 {
         return String::new();
     }
-    let y = reward_axis(
-        reward,
-        &runs
-            .iter()
-            .flat_map(|r| r.trials.iter().copied())
-            .collect::<Vec<_>>(),
-    );
+    let y = reward_axis(reward, &runs.iter().flat_map(|r| r.trials.iter().copied()).collect::<Vec<_>>());
     let note = scale_note(&y);
     let x = Axis::counting("trial in the learned map", 0.5, longest as f64 + 0.5);
     let row = sheet.row(160.0, vec![(1.0, x, y, Some("In the learned map"))]);
@@ -220,11 +190,7 @@ fn imagined(sheet: &mut Sheet, runs: &[RunCurve], reward: &str) -> String {
 fn thin(runs: usize, i: usize) -> (&'static str, Dash) {
     const CLASSES: [&str; MOST_NAMED] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6"];
     const DASHES: [Dash; 4] = [Dash::Solid, Dash::Dashed, Dash::Chain, Dash::Dotted];
-    if runs > MOST_NAMED {
-        ("ref", Dash::Solid)
-    } else {
-        (CLASSES[i % CLASSES.len()], DASHES[i % DASHES.len()])
-    }
+    if runs > MOST_NAMED { ("ref", Dash::Solid) } else { (CLASSES[i % CLASSES.len()], DASHES[i % DASHES.len()]) }
 }
 
 fn on_robot(sheet: &mut Sheet, runs: &[RunCurve], reward: &str, notes: &mut String) -> Vec<Spread> {
@@ -251,11 +217,7 @@ fn on_robot(sheet: &mut Sheet, runs: &[RunCurve], reward: &str, notes: &mut Stri
                 p.key(&r.name, Key::Both(class, dash, Mark::Disc));
             }
             for (x, y) in points {
-                p.hover(
-                    *x,
-                    *y,
-                    format!("{}: {reward} {} after {x} strides", r.name, number(*y, 3)),
-                );
+                p.hover(*x, *y, format!("{}: {reward} {} after {x} strides", r.name, number(*y, 3)));
             }
         }
         if runs.len() > MOST_NAMED {

@@ -63,25 +63,15 @@ pub fn fig14(data: &Fig14) -> Result<Figure> {
         Axis::counting("step", 0.0, n.max(nominal.len()) as f64 + 0.5),
         Axis::covering(&format!("{PSI} (deg)"), values.chain([data.target_deg])),
     );
-    let points = |values: &[f64]| -> Vec<(f64, f64)> {
-        values
-            .iter()
-            .enumerate()
-            .map(|(i, v)| (i as f64 + 1.0, *v))
-            .collect()
-    };
+    let points =
+        |values: &[f64]| -> Vec<(f64, f64)> { values.iter().enumerate().map(|(i, v)| (i as f64 + 1.0, *v)).collect() };
     p.across(data.target_deg, "s1", Dash::Chain);
     p.line(&points(nominal), "ref", Dash::Dotted, 1.6);
     let acquired = points(&data.psi_roll_deg);
     p.line(&acquired, "s0", Dash::Solid, 2.2);
     p.marks(&acquired, "s0", Mark::Disc, 3.2);
     let from = data.discard as f64 + 0.5;
-    p.line(
-        &[(from, mean), (n as f64 + 0.5, mean)],
-        "s2",
-        Dash::Dashed,
-        1.8,
-    );
+    p.line(&[(from, mean), (n as f64 + 0.5, mean)], "s2", Dash::Dashed, 1.8);
     for (k, v) in &acquired {
         p.hover(*k, *v, format!("step {k}: {} deg", signed(*v, 2)));
     }
@@ -104,13 +94,7 @@ pub fn fig14(data: &Fig14) -> Result<Figure> {
     let mut csv = String::from("step,psi_roll_deg,nominal_psi_roll_deg,target_deg\n");
     for i in 0..n.max(nominal.len()) {
         let cell = |values: &[f64]| values.get(i).map_or_else(String::new, ToString::to_string);
-        csv.push_str(&format!(
-            "{},{},{},{}\n",
-            i + 1,
-            cell(&data.psi_roll_deg),
-            cell(nominal),
-            data.target_deg
-        ));
+        csv.push_str(&format!("{},{},{},{}\n", i + 1, cell(&data.psi_roll_deg), cell(nominal), data.target_deg));
     }
     let alt = format!(
         "Line plot of psi_roll at the section over {n} steps: after the start it stays near {} deg, the target being {} deg.",
@@ -128,29 +112,12 @@ mod tests {
     fn the_mean_leaves_the_first_steps_out_and_the_table_has_every_step() {
         let mut psi = vec![5.0; 10];
         psi.extend([0.1, 0.3].repeat(15));
-        let data = Fig14 {
-            psi_roll_deg: psi,
-            nominal_psi_roll_deg: vec![6.0; 40],
-            target_deg: 0.0,
-            discard: 10,
-            samples: 20,
-        };
+        let data =
+            Fig14 { psi_roll_deg: psi, nominal_psi_roll_deg: vec![6.0; 40], target_deg: 0.0, discard: 10, samples: 20 };
         let figure = fig14(&data).unwrap();
-        assert!(
-            figure
-                .caption
-                .contains("Mean over steps 11 to 40: 0.20 deg"),
-            "{}",
-            figure.caption
-        );
+        assert!(figure.caption.contains("Mean over steps 11 to 40: 0.20 deg"), "{}", figure.caption);
         assert_eq!(figure.csv.lines().count(), 41);
         assert!(figure.csv.contains("\n11,0.1,6,0\n"));
-        assert!(
-            fig14(&Fig14 {
-                discard: 40,
-                ..data
-            })
-            .is_err()
-        );
+        assert!(fig14(&Fig14 { discard: 40, ..data }).is_err());
     }
 }

@@ -3,8 +3,7 @@
 use super::map::{MapFigure, check_map, plane};
 use super::names::{label, quantity};
 use crate::draw::{
-    Anchor, Axis, Dash, Key, Mark, Sheet, coord, extent, line_svg, mark_svg, number, plain,
-    ramp_color, signed, spans,
+    Anchor, Axis, Dash, Key, Mark, Sheet, coord, extent, line_svg, mark_svg, number, plain, ramp_color, signed, spans,
 };
 use crate::error::Result;
 use crate::figure::{Figure, HoverPoint};
@@ -107,27 +106,9 @@ impl Camera {
         }
         let half = |[a, b]: [f64; 2]| 0.5 * (a + b);
         let names = [0, 1, 2].map(|i| self.axes[i].label.clone());
-        note(
-            [half([x0, x1]), u0, z0],
-            [-30.0, 34.0],
-            Anchor::End,
-            LABEL,
-            &names[0],
-        );
-        note(
-            [x1, half([u0, u1]), z0],
-            [34.0, 36.0],
-            Anchor::Start,
-            LABEL,
-            &names[1],
-        );
-        note(
-            [x0, u0, z1],
-            [-8.0, -14.0],
-            Anchor::Middle,
-            LABEL,
-            &names[2],
-        );
+        note([half([x0, x1]), u0, z0], [-30.0, 34.0], Anchor::End, LABEL, &names[0]);
+        note([x1, half([u0, u1]), z0], [34.0, 36.0], Anchor::Start, LABEL, &names[1]);
+        note([x0, u0, z1], [-8.0, -14.0], Anchor::Middle, LABEL, &names[2]);
         svg
     }
 }
@@ -165,13 +146,7 @@ pub fn fig13(data: &MapFigure) -> Result<Figure> {
     let strides: Vec<[f64; 3]> = data
         .strides
         .iter()
-        .filter_map(|s| {
-            Some([
-                *s.state.first()?,
-                *s.action.first()?,
-                *s.next_state.first()?,
-            ])
-        })
+        .filter_map(|s| Some([*s.state.first()?, *s.action.first()?, *s.next_state.first()?]))
         .collect();
     let everywhere = || (0..nu).flat_map(|j| (0..nx).map(move |i| (i, j)));
     let heights = everywhere()
@@ -231,18 +206,14 @@ pub fn fig13(data: &MapFigure) -> Result<Figure> {
         .chain((0..nu - 1).rev().map(|j| (0, j)))
         .collect();
     for k in [-2.0, 2.0] {
-        let edge = border
-            .iter()
-            .map(|&(i, j)| [plane.x[i], plane.u[j], mean(i, j) + k * std(i, j)]);
+        let edge = border.iter().map(|&(i, j)| [plane.x[i], plane.u[j], mean(i, j) + k * std(i, j)]);
         svg.push_str(&line_svg("s6", Dash::Dashed, &camera.path(edge), 1.2));
     }
 
     // Data, with their distance from the surface.
     let nearest = |values: &[f64], v: f64| {
         let off = |i: &usize| (values[*i] - v).abs();
-        (0..values.len())
-            .min_by(|a, b| off(a).total_cmp(&off(b)))
-            .unwrap_or(0)
+        (0..values.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
     };
     let mut hover = Vec::new();
     for s in &strides {
@@ -250,11 +221,7 @@ pub fn fig13(data: &MapFigure) -> Result<Figure> {
         let [x, y] = camera.see(*s).0;
         let stem = camera.path([*s, [s[0], s[1], surface]]);
         svg.push_str(&line_svg("s1", Dash::Solid, &stem, 1.3));
-        let mark = if s[2] >= surface {
-            Mark::Disc
-        } else {
-            Mark::Circle
-        };
+        let mark = if s[2] >= surface { Mark::Disc } else { Mark::Circle };
         svg.push_str(&mark_svg("s1", mark, x, y, 3.6));
         hover.push(HoverPoint {
             x,
@@ -351,23 +318,12 @@ mod tests {
     #[test]
     fn the_camera_looks_at_the_box_from_above_and_turned() {
         let axis = || Axis::linear("", 0.0, 1.0);
-        let camera = Camera {
-            axes: [axis(), axis(), axis()],
-            size: [100.0, 100.0],
-            middle: [0.0, 0.0],
-            towards: false,
-        };
+        let camera =
+            Camera { axes: [axis(), axis(), axis()], size: [100.0, 100.0], middle: [0.0, 0.0], towards: false };
         let at = |p| camera.see(p);
-        let (left, front, right) = (
-            at([0.0, 0.0, 0.0]),
-            at([1.0, 0.0, 0.0]),
-            at([1.0, 1.0, 0.0]),
-        );
+        let (left, front, right) = (at([0.0, 0.0, 0.0]), at([1.0, 0.0, 0.0]), at([1.0, 1.0, 0.0]));
         assert!(left.0[0] < front.0[0] && front.0[0] < right.0[0]);
-        assert!(
-            front.1 < left.1 && front.1 < right.1,
-            "the front is nearest"
-        );
+        assert!(front.1 < left.1 && front.1 < right.1, "the front is nearest");
         let (low, high) = (at([0.5, 0.5, 0.0]).0, at([0.5, 0.5, 1.0]).0);
         let rise = 100.0 * DOWN_DEG.to_radians().cos();
         assert!((low[1] - high[1] - rise).abs() < 1e-9 && (low[0] - high[0]).abs() < 1e-9);
@@ -410,19 +366,12 @@ mod tests {
         let figure = fig13(&data).unwrap();
         assert_eq!(figure.csv.lines().count(), 1 + 9 + 2);
         assert!(figure.csv.contains("\nstride,0,0.5,0.9,,\n"));
-        assert_eq!(
-            figure.svg.matches("fill-opacity=\"0.86\"").count(),
-            4,
-            "cells"
-        );
+        assert_eq!(figure.svg.matches("fill-opacity=\"0.86\"").count(), 4, "cells");
         // One of either, and the legend's.
         assert_eq!(figure.svg.matches("class=\"f1 sbg\"").count(), 2);
         assert_eq!(figure.svg.matches("class=\"bg s1\"").count(), 2);
         assert_eq!(figure.hover[0].text, "from 0.00 with 0.50: 0.90 (map 0.50)");
-        let empty = MapFigure {
-            grid: Default::default(),
-            ..data
-        };
+        let empty = MapFigure { grid: Default::default(), ..data };
         assert!(fig13(&empty).is_err());
     }
 }

@@ -38,15 +38,9 @@ impl ComparisonTable {
     #[must_use]
     pub fn markdown(&self) -> String {
         let cell = |text: &str| text.replace('|', "\\|").replace('\n', " ");
-        let mut rows: Vec<[String; 4]> =
-            vec![["place", "quantity", "paper", "ours"].map(str::to_owned)];
+        let mut rows: Vec<[String; 4]> = vec![["place", "quantity", "paper", "ours"].map(str::to_owned)];
         for r in &self.rows {
-            rows.push([
-                cell(&r.place),
-                cell(&r.quantity),
-                cell(&r.paper),
-                cell(&r.ours),
-            ]);
+            rows.push([cell(&r.place), cell(&r.quantity), cell(&r.paper), cell(&r.ours)]);
         }
         let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
         let widths = [0, 1, 2, 3].map(width);

@@ -7,16 +7,9 @@ use crate::error::Result;
 use crate::figure::Figure;
 use stridemap_returnmap::{SavedLeaveOneOut, SavedMap, SavedOutput};
 
-fn scored<'a>(
-    stem: &str,
-    map: &'a SavedMap,
-) -> Result<Vec<(&'a SavedOutput, &'a SavedLeaveOneOut)>> {
-    let outputs: Vec<_> = map
-        .outputs
-        .iter()
-        .map(|o| (o, &o.leave_one_out))
-        .filter(|(_, l)| !l.actual.is_empty())
-        .collect();
+fn scored<'a>(stem: &str, map: &'a SavedMap) -> Result<Vec<(&'a SavedOutput, &'a SavedLeaveOneOut)>> {
+    let outputs: Vec<_> =
+        map.outputs.iter().map(|o| (o, &o.leave_one_out)).filter(|(_, l)| !l.actual.is_empty()).collect();
     some(stem, "no leave-one-out prediction", outputs.len())?;
     for (o, l) in &outputs {
         let n = l.actual.len();
@@ -28,12 +21,7 @@ fn scored<'a>(
 }
 
 fn residuals(l: &SavedLeaveOneOut) -> Vec<f64> {
-    l.actual
-        .iter()
-        .zip(&l.mean)
-        .zip(&l.std)
-        .map(|((a, m), s)| (a - m) / s.max(1e-12))
-        .collect()
+    l.actual.iter().zip(&l.mean).zip(&l.std).map(|((a, m), s)| (a - m) / s.max(1e-12)).collect()
 }
 
 /// How many residuals lie within `k` standard deviations.
@@ -51,28 +39,14 @@ pub fn predicted_actual(map: &SavedMap) -> Result<Figure> {
     let stem = "predicted";
     let outputs = scored(stem, map)?;
     let mut sheet = Sheet::new(stem, "Predicted against actual");
-    let per_row = if outputs.len() == 4 {
-        2
-    } else {
-        outputs.len().min(3)
-    };
+    let per_row = if outputs.len() == 4 { 2 } else { outputs.len().min(3) };
     let spec = |(o, l): &(&SavedOutput, &SavedLeaveOneOut)| {
-        let all = || {
-            l.actual.iter().copied().chain(
-                l.mean
-                    .iter()
-                    .zip(&l.std)
-                    .flat_map(|(m, s)| [m - 2.0 * s, m + 2.0 * s]),
-            )
-        };
+        let all =
+            || l.actual.iter().copied().chain(l.mean.iter().zip(&l.std).flat_map(|(m, s)| [m - 2.0 * s, m + 2.0 * s]));
         let most = if per_row > 2 { 4.0 } else { 6.0 };
         let range = Axis::covering("", all());
         let axis = |text: String| Axis::linear_with(&text, range.min, range.max, most);
-        let next = if o.name.starts_with("psi_") {
-            "(k + 1)"
-        } else {
-            ""
-        };
+        let next = if o.name.starts_with("psi_") { "(k + 1)" } else { "" };
         (
             1.0,
             axis(format!("actual {}", label(&o.name, next))),
@@ -93,34 +67,16 @@ pub fn predicted_actual(map: &SavedMap) -> Result<Figure> {
     let mut scores = Vec::new();
     for ((o, l), mut p) in outputs.iter().zip(panels) {
         let r = residuals(l);
-        p.line(
-            &[(p.x.min, p.x.min), (p.x.max, p.x.max)],
-            "ref",
-            Dash::Solid,
-            1.1,
-        );
+        p.line(&[(p.x.min, p.x.min), (p.x.max, p.x.max)], "ref", Dash::Solid, 1.1);
         for (inside, class) in [(true, "s0"), (false, "s1")] {
-            let rows: Vec<usize> = (0..r.len())
-                .filter(|i| (r[*i].abs() <= 2.0) == inside)
-                .collect();
+            let rows: Vec<usize> = (0..r.len()).filter(|i| (r[*i].abs() <= 2.0) == inside).collect();
             let bars: Vec<_> = rows
                 .iter()
-                .map(|i| {
-                    (
-                        l.actual[*i],
-                        l.mean[*i] - 2.0 * l.std[*i],
-                        l.mean[*i] + 2.0 * l.std[*i],
-                    )
-                })
+                .map(|i| (l.actual[*i], l.mean[*i] - 2.0 * l.std[*i], l.mean[*i] + 2.0 * l.std[*i]))
                 .collect();
             let points: Vec<_> = rows.iter().map(|i| (l.actual[*i], l.mean[*i])).collect();
             p.error_bars(&bars, class, 0.0);
-            p.marks(
-                &points,
-                class,
-                if inside { Mark::Disc } else { Mark::Diamond },
-                3.4,
-            );
+            p.marks(&points, class, if inside { Mark::Disc } else { Mark::Diamond }, 3.4);
         }
         for (i, residual) in r.iter().enumerate() {
             p.hover(
@@ -134,25 +90,13 @@ pub fn predicted_actual(map: &SavedMap) -> Result<Figure> {
                     signed(l.actual[i], 3)
                 ),
             );
-            csv.push_str(&format!(
-                "{},{},{},{},{}\n",
-                o.name,
-                l.actual[i],
-                l.mean[i],
-                l.std[i],
-                residual.abs() <= 2.0
-            ));
+            csv.push_str(&format!("{},{},{},{},{}\n", o.name, l.actual[i], l.mean[i], l.std[i], residual.abs() <= 2.0));
         }
         p.key("prediction ± 2 sd", Key::Mark("s0", Mark::Disc));
         p.key("outcome outside ± 2 sd", Key::Mark("s1", Mark::Diamond));
         p.key("identity", Key::Line("ref", Dash::Solid));
         sheet.add(p);
-        scores.push(format!(
-            "{}: {} of {} within ±2 sd",
-            plain(&quantity(&o.name).0),
-            within(&r, 2.0),
-            r.len()
-        ));
+        scores.push(format!("{}: {} of {} within ±2 sd", plain(&quantity(&o.name).0), within(&r, 2.0), r.len()));
     }
     let caption = format!(
         "Map of iteration {}. Each stride predicted from all the others (leave-one-out): mean and ±2 standard deviations, noise included, \
@@ -160,10 +104,7 @@ pub fn predicted_actual(map: &SavedMap) -> Result<Figure> {
         map.iteration,
         scores.join("; ")
     );
-    let alt = format!(
-        "Scatter of predicted against actual outcomes with intervals. {}.",
-        scores.join("; ")
-    );
+    let alt = format!("Scatter of predicted against actual outcomes with intervals. {}.", scores.join("; "));
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
@@ -187,22 +128,15 @@ pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
         counts
     };
     let mut sheet = Sheet::new(stem, "Residuals against their promised spread");
-    let all: Vec<(String, Vec<f64>)> = outputs
-        .iter()
-        .map(|(o, l)| (plain(&quantity(&o.name).0), residuals(l)))
-        .collect();
+    let all: Vec<(String, Vec<f64>)> =
+        outputs.iter().map(|(o, l)| (plain(&quantity(&o.name).0), residuals(l))).collect();
     let per_row = if all.len() == 4 { 2 } else { all.len().min(3) };
     let spec = |(name, r): &(String, Vec<f64>)| {
         let top = histogram(r).into_iter().fold(0.42, f64::max);
         let title = (all.len() > 1).then(|| name.clone());
         (
             1.0,
-            Axis::linear_with(
-                "standardized residual",
-                -EDGE,
-                EDGE,
-                8.0 / per_row as f64 + 2.0,
-            ),
+            Axis::linear_with("standardized residual", -EDGE, EDGE, 8.0 / per_row as f64 + 2.0),
             Axis::linear_with("density", 0.0, top * 1.08, 5.0),
             title,
         )
@@ -213,21 +147,13 @@ pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
     let mut panels = Vec::new();
     for row in all.chunks(per_row) {
         let specs: Vec<(f64, Axis, Axis, Option<String>)> = row.iter().map(spec).collect();
-        let specs = specs
-            .iter()
-            .map(|(s, x, y, title)| (*s, x.clone(), y.clone(), title.as_deref()))
-            .collect();
+        let specs = specs.iter().map(|(s, x, y, title)| (*s, x.clone(), y.clone(), title.as_deref())).collect();
         panels.extend(sheet.row(height, specs));
     }
     for ((name, r), mut p) in all.iter().zip(panels) {
         for (i, density) in histogram(r).iter().enumerate() {
             let from = -EDGE + BIN * i as f64;
-            p.bar(
-                (from + 0.03, from + BIN - 0.03),
-                (0.0, *density),
-                "s0",
-                0.55,
-            );
+            p.bar((from + 0.03, from + BIN - 0.03), (0.0, *density), "s0", 0.55);
             p.hover(
                 from + 0.5 * BIN,
                 *density,
@@ -265,10 +191,7 @@ pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
         map.iteration,
         scores.join("; ")
     );
-    let alt = format!(
-        "Histogram of standardized residuals against the normal density. {}.",
-        scores.join("; ")
-    );
+    let alt = format!("Histogram of standardized residuals against the normal density. {}.", scores.join("; "));
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
@@ -314,28 +237,13 @@ pub fn success_against_strides(rates: &[SuccessRate]) -> Result<Figure> {
     let mut sheet = Sheet::new(stem, "How many strides it takes");
     let mut p = sheet.single(
         260.0,
-        Axis::counting(
-            "strides on the robot (training and evaluation)",
-            0.0,
-            last * 1.06,
-        ),
+        Axis::counting("strides on the robot (training and evaluation)", 0.0, last * 1.06),
         Axis::linear("runs that succeed (%)", 0.0, 104.0),
     );
     let share = |r: &SuccessRate| 100.0 * f64::from(r.successes) / f64::from(r.runs.max(1));
-    let points: Vec<(f64, f64)> = sorted
-        .iter()
-        .map(|r| (f64::from(r.strides), share(r)))
-        .collect();
-    let bars: Vec<_> = sorted
-        .iter()
-        .map(|r| {
-            (
-                f64::from(r.strides),
-                100.0 * r.wilson().0,
-                100.0 * r.wilson().1,
-            )
-        })
-        .collect();
+    let points: Vec<(f64, f64)> = sorted.iter().map(|r| (f64::from(r.strides), share(r))).collect();
+    let bars: Vec<_> =
+        sorted.iter().map(|r| (f64::from(r.strides), 100.0 * r.wilson().0, 100.0 * r.wilson().1)).collect();
     p.across(95.0, "ref", Dash::Dotted);
     p.error_bars(&bars, "s0", 4.0);
     p.line(&points, "s0", Dash::Solid, 2.0);
@@ -355,33 +263,18 @@ pub fn success_against_strides(rates: &[SuccessRate]) -> Result<Figure> {
                 number(100.0 * hi, 3)
             ),
         );
-        csv.push_str(&format!(
-            "{},{},{},{},{lo},{hi}\n",
-            r.strides,
-            r.successes,
-            r.runs,
-            y / 100.0
-        ));
+        csv.push_str(&format!("{},{},{},{},{lo},{hi}\n", r.strides, r.successes, r.runs, y / 100.0));
     }
-    p.key(
-        "share of runs, 95 % Wilson interval",
-        Key::Both("s0", Dash::Solid, Mark::Disc),
-    );
+    p.key("share of runs, 95 % Wilson interval", Key::Both("s0", Dash::Solid, Mark::Disc));
     p.key("95 %", Key::Line("ref", Dash::Dotted));
     sheet.add(p);
-    let each: Vec<String> = sorted
-        .iter()
-        .map(|r| format!("{} of {} at {}", r.successes, r.runs, r.strides))
-        .collect();
+    let each: Vec<String> = sorted.iter().map(|r| format!("{} of {} at {}", r.successes, r.runs, r.strides)).collect();
     let caption = format!(
         "Share of runs, one per seed, that meet every criterion of the task, against the strides on the robot that each run was given: {}. Bars: \
          Wilson's 95 % interval. The paper uses 20 strides, 5 runs.",
         each.join(", ")
     );
-    let alt = format!(
-        "Share of successful runs against strides: {}.",
-        each.join(", ")
-    );
+    let alt = format!("Share of successful runs against strides: {}.", each.join(", "));
     Ok(sheet.finish(&caption, &alt, csv))
 }
 
@@ -392,17 +285,9 @@ mod tests {
     #[test]
     fn wilson_agrees_with_the_textbook() {
         // 0 of 10: upper bound z² / (n + z²) = 0.2775; 10 of 10 mirrors it.
-        let none = SuccessRate {
-            strides: 20,
-            successes: 0,
-            runs: 10,
-        };
+        let none = SuccessRate { strides: 20, successes: 0, runs: 10 };
         assert!((none.wilson().1 - 0.277_5).abs() < 1e-4 && none.wilson().0.abs() < 1e-12);
-        let all = SuccessRate {
-            strides: 20,
-            successes: 10,
-            runs: 10,
-        };
+        let all = SuccessRate { strides: 20, successes: 10, runs: 10 };
         assert!((all.wilson().0 - 0.722_5).abs() < 1e-4);
     }
 }

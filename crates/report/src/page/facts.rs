@@ -17,13 +17,7 @@ pub(super) fn title(run: &Run) -> String {
 /// Text with the subscripts of `ψ_roll` and `A_step` as HTML.
 pub(super) fn subscripts(text: &str) -> String {
     let mut out = escape(text);
-    for (name, sub) in [
-        ("ψ", "roll"),
-        ("ψ", "pitch"),
-        ("A", "step"),
-        ("A", "walk"),
-        ("A", "a,step"),
-    ] {
+    for (name, sub) in [("ψ", "roll"), ("ψ", "pitch"), ("A", "step"), ("A", "walk"), ("A", "a,step")] {
         out = out.replace(&format!("{name}_{sub}"), &format!("{name}<sub>{sub}</sub>"));
     }
     out
@@ -78,20 +72,9 @@ pub(super) fn remarks(run: &Run) -> String {
     ] {
         let strides = at(end);
         if !strides.is_empty() {
-            let shown = strides
-                .iter()
-                .take(8)
-                .cloned()
-                .collect::<Vec<_>>()
-                .join(", ");
+            let shown = strides.iter().take(8).cloned().collect::<Vec<_>>().join(", ");
             let more = if strides.len() > 8 { ", and more" } else { "" };
-            says.push((
-                true,
-                format!(
-                    "The robot {what} {} while learning: {shown}{more}.",
-                    times(strides.len())
-                ),
-            ));
+            says.push((true, format!("The robot {what} {} while learning: {shown}{more}.", times(strides.len()))));
         }
     }
     if run.finished() && run.falls() == (0, 0) {
@@ -99,10 +82,7 @@ pub(super) fn remarks(run: &Run) -> String {
     }
     for (name, measured) in [
         ("nominal gait", run.summary.as_ref().and_then(|s| s.nominal)),
-        (
-            "final policy",
-            run.summary.as_ref().and_then(|s| s.final_policy),
-        ),
+        ("final policy", run.summary.as_ref().and_then(|s| s.final_policy)),
     ] {
         let measured = measured.map(|m| m.performance);
         if let Some(m) = measured.filter(|m| m.falls > 0 || m.stalls > 0) {
@@ -136,20 +116,13 @@ pub(super) fn remarks(run: &Run) -> String {
             ));
         }
         if !s.iterations.is_empty()
-            && s.iterations.iter().all(|i| {
-                i.proof
-                    .as_ref()
-                    .is_some_and(|p| p.verdict != Verdict::Proven)
-            })
+            && s.iterations.iter().all(|i| i.proof.as_ref().is_some_and(|p| p.verdict != Verdict::Proven))
         {
             says.push((true, "No policy was proven on the robot.".to_owned()));
         }
     }
     if run.transitions.len() == 1 {
-        says.push((
-            true,
-            "This run has one stride. A spread, a map or a trend cannot be had from it.".to_owned(),
-        ));
+        says.push((true, "This run has one stride. A spread, a map or a trend cannot be had from it.".to_owned()));
     } else if run.transitions.is_empty() {
         says.push((true, "This run has no stride yet.".to_owned()));
     }
@@ -157,23 +130,14 @@ pub(super) fn remarks(run: &Run) -> String {
         says.push((true, format!("Could not be read: {problem}.")));
     }
     if !run.missing.is_empty() {
-        says.push((
-            true,
-            format!("Not in the run directory: {}.", run.missing.join(", ")),
-        ));
+        says.push((true, format!("Not in the run directory: {}.", run.missing.join(", "))));
     }
     if says.is_empty() {
         return String::new();
     }
     let items: String = says
         .iter()
-        .map(|(bad, text)| {
-            format!(
-                "<li{}>{}</li>",
-                if *bad { " class=\"bad\"" } else { "" },
-                escape(text)
-            )
-        })
+        .map(|(bad, text)| format!("<li{}>{}</li>", if *bad { " class=\"bad\"" } else { "" }, escape(text)))
         .collect();
     format!("<ul class=\"says\">{items}</ul>")
 }
@@ -187,15 +151,11 @@ fn times(n: usize) -> String {
 }
 
 fn reward(m: Option<Measured>) -> String {
-    m.map_or_else(
-        || "\u{2013}".to_owned(),
-        |m| number(m.performance.mean_reward, 3),
-    )
+    m.map_or_else(|| "\u{2013}".to_owned(), |m| number(m.performance.mean_reward, 3))
 }
 
 fn psi(m: Option<Measured>) -> String {
-    m.and_then(|m| m.performance.mean_psi_roll_deg)
-        .map_or_else(|| "\u{2013}".to_owned(), |v| signed(v, 2))
+    m.and_then(|m| m.performance.mean_psi_roll_deg).map_or_else(|| "\u{2013}".to_owned(), |v| signed(v, 2))
 }
 
 /// The numbers of one run that one looks for first.
@@ -204,25 +164,18 @@ pub(super) fn tiles(run: &Run) -> String {
         return String::new();
     };
     let mut tiles = Vec::new();
-    let speed = |m: Option<Measured>| {
-        m.and_then(|m| m.speed_m_s)
-            .map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3))
-    };
+    let speed =
+        |m: Option<Measured>| m.and_then(|m| m.speed_m_s).map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3));
     let walks = (s.final_policy.or(s.nominal)).is_some_and(|m| m.speed_m_s.is_some());
     if walks {
         tiles.push((
-            format!(
-                "{} \u{2192} {} m/s",
-                speed(s.nominal),
-                speed(s.final_policy)
-            ),
+            format!("{} \u{2192} {} m/s", speed(s.nominal), speed(s.final_policy)),
             "speed along the first heading, nominal to final".to_owned(),
         ));
         if let Some(upright) = s.final_policy.and_then(|m| m.upright_s) {
             let drift = s.final_policy.and_then(|m| m.drift_m);
-            let drift = drift.map_or_else(String::new, |d| {
-                format!("; {} m to the left of the first heading", signed(d, 2))
-            });
+            let drift =
+                drift.map_or_else(String::new, |d| format!("; {} m to the left of the first heading", signed(d, 2)));
             tiles.push((
                 format!("{} s", number(upright, 3)),
                 format!("the final policy walked without a fall, up to 60{drift}"),
@@ -238,19 +191,10 @@ pub(super) fn tiles(run: &Run) -> String {
     }
     if measured && !walks {
         tiles.push((
-            format!(
-                "{}\u{b0} \u{2192} {}\u{b0}",
-                psi(s.nominal),
-                psi(s.final_policy)
-            ),
+            format!("{}\u{b0} \u{2192} {}\u{b0}", psi(s.nominal), psi(s.final_policy)),
             run.target_deg().map_or_else(
                 || "mean ψ_roll, nominal to final".to_owned(),
-                |t| {
-                    format!(
-                        "mean ψ_roll, nominal to final; desired {}\u{b0}",
-                        signed(t, 1)
-                    )
-                },
+                |t| format!("mean ψ_roll, nominal to final; desired {}\u{b0}", signed(t, 1)),
             ),
         ));
     }
@@ -262,10 +206,7 @@ pub(super) fn tiles(run: &Run) -> String {
                 s.strides.training, s.strides.evaluation
             ),
         ),
-        (
-            run.falls().0.to_string(),
-            "falls on the robot while learning".to_owned(),
-        ),
+        (run.falls().0.to_string(), "falls on the robot while learning".to_owned()),
     ]);
     if s.improved == Some(false) {
         tiles.push((
@@ -282,19 +223,12 @@ pub(super) fn tiles(run: &Run) -> String {
         ));
     }
     if s.seconds.total > 0.0 {
-        tiles.push((
-            format!("{} s", number(s.seconds.total, 3)),
-            "computing, simulation included".to_owned(),
-        ));
+        tiles.push((format!("{} s", number(s.seconds.total, 3)), "computing, simulation included".to_owned()));
     }
     let cells: String = tiles
         .iter()
         .map(|(value, what)| {
-            format!(
-                "<div class=\"tile\"><b>{}</b><span>{}</span></div>",
-                escape(value),
-                subscripts(what)
-            )
+            format!("<div class=\"tile\"><b>{}</b><span>{}</span></div>", escape(value), subscripts(what))
         })
         .collect();
     format!("<div class=\"tiles\">{cells}</div>")
@@ -309,10 +243,7 @@ pub(super) fn overview(runs: &[Run]) -> String {
     let pair = |m: Option<Measured>| -> [String; 2] {
         if walks {
             let value = |v: Option<f64>| v.map_or_else(|| "\u{2013}".to_owned(), |v| number(v, 3));
-            [
-                value(m.and_then(|m| m.speed_m_s)),
-                value(m.and_then(|m| m.upright_s)),
-            ]
+            [value(m.and_then(|m| m.speed_m_s)), value(m.and_then(|m| m.upright_s))]
         } else {
             [reward(m), psi(m)]
         }
@@ -322,17 +253,10 @@ pub(super) fn overview(runs: &[Run]) -> String {
         let s = run.summary.clone().unwrap_or_default();
         let (falls, stalls) = run.falls();
         let ([a, b], [c, d]) = (pair(s.nominal), pair(s.final_policy));
-        let cells: String = [
-            run.transitions.len().to_string(),
-            a,
-            c,
-            b,
-            d,
-            (falls + stalls).to_string(),
-        ]
-        .iter()
-        .map(|cell| format!("<td class=\"num\">{cell}</td>"))
-        .collect();
+        let cells: String = [run.transitions.len().to_string(), a, c, b, d, (falls + stalls).to_string()]
+            .iter()
+            .map(|cell| format!("<td class=\"num\">{cell}</td>"))
+            .collect();
         rows.push_str(&format!(
             "<tr><td>{}</td>{cells}<td>{}</td></tr>",
             escape(&run.name),
@@ -344,19 +268,9 @@ pub(super) fn overview(runs: &[Run]) -> String {
         ));
     }
     let names = if walks {
-        [
-            "nominal speed (m/s)",
-            "final speed (m/s)",
-            "nominal upright (s)",
-            "final upright (s)",
-        ]
+        ["nominal speed (m/s)", "final speed (m/s)", "nominal upright (s)", "final upright (s)"]
     } else {
-        [
-            "nominal reward",
-            "final reward",
-            "nominal ψ<sub>roll</sub> (deg)",
-            "final ψ<sub>roll</sub> (deg)",
-        ]
+        ["nominal reward", "final reward", "nominal ψ<sub>roll</sub> (deg)", "final ψ<sub>roll</sub> (deg)"]
     };
     let heads: String = ["strides"]
         .iter()
@@ -371,13 +285,7 @@ pub(super) fn overview(runs: &[Run]) -> String {
 
 fn within(output: &SavedOutput, k: f64) -> Option<String> {
     let l = Some(&output.leave_one_out).filter(|l| !l.actual.is_empty())?;
-    let inside = l
-        .actual
-        .iter()
-        .zip(&l.mean)
-        .zip(&l.std)
-        .filter(|((a, m), s)| (*a - *m).abs() <= k * *s)
-        .count();
+    let inside = l.actual.iter().zip(&l.mean).zip(&l.std).filter(|((a, m), s)| (*a - *m).abs() <= k * *s).count();
     Some(format!("{inside} of {}", l.actual.len()))
 }
 
@@ -401,20 +309,12 @@ pub(super) fn model_card(run: &Run) -> String {
             .length_scales
             .iter()
             .copied()
-            .zip(
-                inputs
-                    .iter()
-                    .map(String::as_str)
-                    .chain(std::iter::repeat("")),
-            )
+            .zip(inputs.iter().map(String::as_str).chain(std::iter::repeat("")))
             .collect();
         scales.sort_by(|a, b| a.0.total_cmp(&b.0));
         let rest = scales.len().saturating_sub(SHOWN);
-        let mut scales: Vec<String> = scales
-            .iter()
-            .take(SHOWN)
-            .map(|(l, input)| format!("{} along {input}", number(*l, 3)))
-            .collect();
+        let mut scales: Vec<String> =
+            scales.iter().take(SHOWN).map(|(l, input)| format!("{} along {input}", number(*l, 3))).collect();
         if rest > 0 {
             scales.push(format!("longer along the other {rest}"));
         }
@@ -422,7 +322,11 @@ pub(super) fn model_card(run: &Run) -> String {
         rows.push_str(&format!(
             "<tr><td>{}</td><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td>\
              <td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
-            subscripts(&format!("{}{}", plain(&name), if unit.is_empty() { String::new() } else { format!(" ({unit})") })),
+            subscripts(&format!(
+                "{}{}",
+                plain(&name),
+                if unit.is_empty() { String::new() } else { format!(" ({unit})") }
+            )),
             subscripts(&scales.join("; ")),
             number(o.signal_variance.sqrt(), 3),
             number(o.noise_variance.sqrt(), 3),
@@ -431,11 +335,7 @@ pub(super) fn model_card(run: &Run) -> String {
             within(o, 2.0).unwrap_or_else(dash)
         ));
         for w in plain_warnings(&o.warnings, &inputs) {
-            warnings.push_str(&format!(
-                "<li class=\"bad\">{}: {}</li>",
-                subscripts(&plain(&name)),
-                subscripts(&w)
-            ));
+            warnings.push_str(&format!("<li class=\"bad\">{}: {}</li>", subscripts(&plain(&name)), subscripts(&w)));
         }
     }
     let warned = if warnings.is_empty() {
@@ -488,22 +388,12 @@ pub(super) fn provenance(run: &Run) -> String {
         rows.push(("command", p.command.clone()));
         rows.push(("seed", p.seed.to_string()));
         rows.push(("Stridemap", p.version.clone()));
-        rows.push((
-            "source revision",
-            p.git_revision
-                .clone()
-                .unwrap_or_else(|| "not known".to_owned()),
-        ));
+        rows.push(("source revision", p.git_revision.clone().unwrap_or_else(|| "not known".to_owned())));
         rows.push(("MuJoCo", p.mujoco_version.clone()));
         rows.push(("robot model", p.model_hash.clone()));
         rows.push(("machine", p.machine.clone()));
         rows.push(("start", p.start.clone()));
-        rows.push((
-            "end",
-            p.end
-                .clone()
-                .unwrap_or_else(|| "none: the run did not reach its end".to_owned()),
-        ));
+        rows.push(("end", p.end.clone().unwrap_or_else(|| "none: the run did not reach its end".to_owned())));
     }
     let (falls, stalls) = run.falls();
     let counts = run.summary.as_ref().map_or_else(
@@ -516,10 +406,7 @@ pub(super) fn provenance(run: &Run) -> String {
         },
     );
     rows.push(("strides on the robot", counts));
-    rows.push((
-        "while learning",
-        format!("{}, {}", plural(falls, "fall"), plural(stalls, "stall")),
-    ));
+    rows.push(("while learning", format!("{}, {}", plural(falls, "fall"), plural(stalls, "stall"))));
     if let Some(seconds) = run.summary.as_ref().map(|s| s.seconds) {
         rows.push((
             "seconds of computing",
@@ -536,21 +423,18 @@ pub(super) fn provenance(run: &Run) -> String {
         .iter()
         .filter(|r| !r.1.is_empty())
         .map(|(what, value)| {
-            let value = if *what == "command" {
-                format!("<code>{}</code>", escape(value))
-            } else {
-                escape(value)
-            };
+            let value = if *what == "command" { format!("<code>{}</code>", escape(value)) } else { escape(value) };
             format!("<tr><th scope=\"row\">{what}</th><td>{value}</td></tr>")
         })
         .collect();
     let proofs = proofs(run);
     let config = run.config.as_ref().map_or_else(String::new, |text| {
-        format!("<details><summary>Configuration, every value as resolved</summary><pre>{}</pre></details>", escape(text))
+        format!(
+            "<details><summary>Configuration, every value as resolved</summary><pre>{}</pre></details>",
+            escape(text)
+        )
     });
-    format!(
-        "<div class=\"wide\"><table class=\"facts\"><tbody>{table}</tbody></table></div>{proofs}{config}"
-    )
+    format!("<div class=\"wide\"><table class=\"facts\"><tbody>{table}</tbody></table></div>{proofs}{config}")
 }
 
 /// The policies that were tried on the robot before they were trusted, as a table.
@@ -593,12 +477,7 @@ fn proofs(run: &Run) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let names: Vec<String> = run
-        .columns
-        .action
-        .iter()
-        .map(|a| plain(&label(a, "")))
-        .collect();
+    let names: Vec<String> = run.columns.action.iter().map(|a| plain(&label(a, ""))).collect();
     format!(
         "<details><summary>Policies tried on the robot</summary><div class=\"wide\"><table><thead><tr><th class=\"num\">iteration</th>\
          <th class=\"num\">strides</th><th class=\"num\">speed in the proof (m/s)</th><th>what became of it</th><th>warnings</th>\
@@ -654,10 +533,6 @@ mod tests {
         let said = plain_warnings(&warnings.map(str::to_owned), &inputs);
         assert_eq!(said[0], "9 points repeat an earlier one");
         assert_eq!(said[1], "length_scales[7] = 1 is at its upper bound");
-        assert!(
-            said[2].contains("hardly depends") && said[2].contains("on lean (deg) (length"),
-            "{}",
-            said[2]
-        );
+        assert!(said[2].contains("hardly depends") && said[2].contains("on lean (deg) (length"), "{}", said[2]);
     }
 }

@@ -46,22 +46,12 @@ pub fn write_report(runs: &[Run], file: &Path) -> Result<()> {
 /// [`ReportError::Empty`] without a run.
 pub fn report_html(runs: &[Run]) -> Result<String> {
     let Some(first) = runs.first() else {
-        return Err(ReportError::Empty {
-            figure: "report".to_owned(),
-            what: "no run".to_owned(),
-        });
+        return Err(ReportError::Empty { figure: "report".to_owned(), what: "no run".to_owned() });
     };
-    let title = if runs.len() == 1 {
-        facts::title(first)
-    } else {
-        format!("{} runs side by side", runs.len())
-    };
+    let title = if runs.len() == 1 { facts::title(first) } else { format!("{} runs side by side", runs.len()) };
     let mut page = Page::default();
-    let parts: Vec<Vec<Section>> = if runs.len() <= MOST_BESIDE {
-        runs.iter().map(sections).collect()
-    } else {
-        Vec::new()
-    };
+    let parts: Vec<Vec<Section>> =
+        if runs.len() <= MOST_BESIDE { runs.iter().map(sections).collect() } else { Vec::new() };
 
     page.body.push_str("<main>");
     if let [run] = runs {
@@ -91,11 +81,8 @@ pub fn report_html(runs: &[Run]) -> Result<String> {
 
 /// The recordings of a run that its page shows: before and after, and under pushes.
 fn shown(run: &Run) -> [Vec<&(String, Recording)>; 2] {
-    let (pushed, calm): (Vec<_>, Vec<_>) = run
-        .recordings
-        .iter()
-        .filter(|r| !r.1.frames.is_empty())
-        .partition(|r| r.0.starts_with("push"));
+    let (pushed, calm): (Vec<_>, Vec<_>) =
+        run.recordings.iter().filter(|r| !r.1.frames.is_empty()).partition(|r| r.0.starts_with("push"));
     let calm = match calm.as_slice() {
         [first, .., last] => vec![*first, *last],
         few => few.to_vec(),
@@ -112,9 +99,7 @@ struct Page {
 
 /// JSON that may stand in a script element.
 fn json(value: &impl serde::Serialize) -> String {
-    serde_json::to_string(value)
-        .unwrap_or_else(|_| "[]".to_owned())
-        .replace('<', "\\u003c")
+    serde_json::to_string(value).unwrap_or_else(|_| "[]".to_owned()).replace('<', "\\u003c")
 }
 
 impl Page {
@@ -131,38 +116,25 @@ impl Page {
             // Of many runs only those with something to say.
             let said = runs.len() <= MOST_BESIDE || remarks.contains("class=\"bad\"");
             if said && !remarks.is_empty() {
-                self.body
-                    .push_str(&format!("<h3>{}</h3>{remarks}", escape(&run.name)));
+                self.body.push_str(&format!("<h3>{}</h3>{remarks}", escape(&run.name)));
             }
         }
         match comparison(runs) {
             Ok(figure) => self.figure(&figure, "all"),
-            Err(_) => self
-                .body
-                .push_str("<p class=\"note\">No run has a measured iteration to compare yet.</p>"),
+            Err(_) => self.body.push_str("<p class=\"note\">No run has a measured iteration to compare yet.</p>"),
         }
     }
 
     fn figure(&mut self, figure: &Figure, scope: &str) {
         let id = format!("{scope}-{}", figure.stem);
-        let svg = figure
-            .inline_svg
-            .replace(&format!("{}-clip", figure.stem), &format!("{id}-clip"));
+        let svg = figure.inline_svg.replace(&format!("{}-clip", figure.stem), &format!("{id}-clip"));
         let points: Vec<(f64, f64, &str)> = figure
             .hover
             .iter()
-            .map(|p| {
-                (
-                    (p.x * 10.0).round() / 10.0,
-                    (p.y * 10.0).round() / 10.0,
-                    p.text.as_str(),
-                )
-            })
+            .map(|p| ((p.x * 10.0).round() / 10.0, (p.y * 10.0).round() / 10.0, p.text.as_str()))
             .collect();
-        self.data.push_str(&format!(
-            "<script type=\"application/json\" id=\"hover-{id}\">{}</script>\n",
-            json(&points)
-        ));
+        self.data
+            .push_str(&format!("<script type=\"application/json\" id=\"hover-{id}\">{}</script>\n", json(&points)));
         self.body.push_str(&format!(
             "<figure id=\"{id}\" data-hover=\"hover-{id}\"><div class=\"plot\" tabindex=\"0\" role=\"group\" \
              aria-label=\"{title}: arrow keys step through the values, plus and minus zoom, 0 resets\">\
@@ -183,11 +155,7 @@ impl Page {
         self.heading(head.id, head.title);
         // One row per figure, so that runs stand beside each other; stems in the order in which they come.
         let mut stems: Vec<&str> = Vec::new();
-        for figure in parts
-            .iter()
-            .filter_map(|p| p.get(s))
-            .flat_map(|p| &p.figures)
-        {
+        for figure in parts.iter().filter_map(|p| p.get(s)).flat_map(|p| &p.figures) {
             if !stems.contains(&figure.stem.as_str()) {
                 stems.push(&figure.stem);
             }
@@ -198,18 +166,15 @@ impl Page {
                 self.body.push_str("<div class=\"beside\">");
             }
             for (r, part) in parts.iter().enumerate() {
-                let figure = part
-                    .get(s)
-                    .and_then(|p| p.figures.iter().find(|f| f.stem == stem));
+                let figure = part.get(s).and_then(|p| p.figures.iter().find(|f| f.stem == stem));
                 if several {
-                    self.body
-                        .push_str(&format!("<div><h3>{}</h3>", escape(&runs[r].name)));
+                    self.body.push_str(&format!("<div><h3>{}</h3>", escape(&runs[r].name)));
                 }
                 match figure {
                     Some(figure) => self.figure(figure, &format!("r{r}")),
-                    None if several => self
-                        .body
-                        .push_str("<p class=\"note\">This run has no data for this figure.</p>"),
+                    None if several => {
+                        self.body.push_str("<p class=\"note\">This run has no data for this figure.</p>")
+                    }
                     None => {}
                 }
                 if several {
@@ -221,24 +186,15 @@ impl Page {
             }
         }
         for (r, part) in parts.iter().enumerate() {
-            let name = if runs.len() > 1 {
-                format!("{}: ", runs[r].name)
-            } else {
-                String::new()
-            };
+            let name = if runs.len() > 1 { format!("{}: ", runs[r].name) } else { String::new() };
             for note in part.get(s).map(|p| p.notes.as_slice()).unwrap_or_default() {
-                self.body.push_str(&format!(
-                    "<p class=\"note\">{}{}</p>",
-                    escape(&name),
-                    escape(note)
-                ));
+                self.body.push_str(&format!("<p class=\"note\">{}{}</p>", escape(&name), escape(note)));
             }
         }
         if head.id == "trust" {
             for run in runs {
                 if runs.len() > 1 {
-                    self.body
-                        .push_str(&format!("<h3>{}</h3>", escape(&run.name)));
+                    self.body.push_str(&format!("<h3>{}</h3>", escape(&run.name)));
                 }
                 self.body.push_str(&facts::model_card(run));
             }
@@ -249,21 +205,14 @@ impl Page {
         self.heading("replay", "The robot moving");
         // Before and after beside each other; below them the same under pushes, if the run was pushed.
         let shown: Vec<[Vec<&(String, Recording)>; 2]> = runs.iter().map(shown).collect();
-        let frames: usize = shown
-            .iter()
-            .flatten()
-            .flatten()
-            .map(|r| r.1.frames.len())
-            .sum();
+        let frames: usize = shown.iter().flatten().flatten().map(|r| r.1.frames.len()).sum();
         let budget = POSE_BUDGET / frames.max(1);
         for (r, (run, [calm, pushed])) in runs.iter().zip(&shown).enumerate() {
             if runs.len() > 1 {
-                self.body
-                    .push_str(&format!("<h3>{}</h3>", escape(&run.name)));
+                self.body.push_str(&format!("<h3>{}</h3>", escape(&run.name)));
             }
             if calm.is_empty() && pushed.is_empty() {
-                self.body
-                    .push_str("<p class=\"note\">The run directory holds no recorded poses.</p>");
+                self.body.push_str("<p class=\"note\">The run directory holds no recorded poses.</p>");
             }
             self.player(&format!("poses-{r}"), calm, budget);
             if !pushed.is_empty() {
@@ -278,17 +227,9 @@ impl Page {
         if recordings.is_empty() {
             return;
         }
-        let packed: Vec<_> = recordings
-            .iter()
-            .map(|rec| replay::pack(&rec.1, budget * rec.1.frames.len()))
-            .collect();
-        self.data.push_str(&format!(
-            "<script type=\"application/json\" id=\"{id}\">{}</script>\n",
-            json(&packed)
-        ));
-        self.body.push_str(&format!(
-            "<div class=\"replay\" data-poses=\"{id}\"><div class=\"views\">"
-        ));
+        let packed: Vec<_> = recordings.iter().map(|rec| replay::pack(&rec.1, budget * rec.1.frames.len())).collect();
+        self.data.push_str(&format!("<script type=\"application/json\" id=\"{id}\">{}</script>\n", json(&packed)));
+        self.body.push_str(&format!("<div class=\"replay\" data-poses=\"{id}\"><div class=\"views\">"));
         for rec in recordings {
             let name = facts::recording_name(&rec.0);
             self.body.push_str(&format!(
@@ -308,16 +249,10 @@ impl Page {
              <p class=\"legend\"><span class=\"sw\" style=\"background:var(--c2)\"></span>foot on the ground\
              <span class=\"sw\" style=\"background:var(--c1)\"></span>centre of pressure",
         );
-        if recordings
-            .iter()
-            .any(|r| r.1.frames.iter().any(|f| f.push_n.is_some()))
-        {
-            self.body
-                .push_str("<span class=\"sw\" style=\"background:var(--c3)\"></span>push");
+        if recordings.iter().any(|r| r.1.frames.iter().any(|f| f.push_n.is_some())) {
+            self.body.push_str("<span class=\"sw\" style=\"background:var(--c3)\"></span>push");
         }
-        self.body.push_str(
-            ". Drag to turn, Ctrl and wheel to come closer. A step is counted at each section.",
-        );
+        self.body.push_str(". Drag to turn, Ctrl and wheel to come closer. A step is counted at each section.");
         if packed.iter().any(|p| p.every > 1) {
             self.body.push_str(&format!(
                 " To keep the page small, one frame in {} is kept.",
@@ -329,21 +264,13 @@ impl Page {
 
     fn made(&mut self, runs: &[Run]) {
         self.heading("made", "How was it made?");
-        let beside = if runs.len() <= MOST_BESIDE {
-            runs
-        } else {
-            &runs[..1]
-        };
+        let beside = if runs.len() <= MOST_BESIDE { runs } else { &runs[..1] };
         if beside.len() < runs.len() {
-            self.body.push_str(&format!(
-                "<p class=\"note\">Of the first of the {} runs.</p>",
-                runs.len()
-            ));
+            self.body.push_str(&format!("<p class=\"note\">Of the first of the {} runs.</p>", runs.len()));
         }
         for run in beside {
             if runs.len() > 1 {
-                self.body
-                    .push_str(&format!("<h3>{}</h3>", escape(&run.name)));
+                self.body.push_str(&format!("<h3>{}</h3>", escape(&run.name)));
             }
             self.body.push_str(&facts::provenance(run));
         }
@@ -352,21 +279,14 @@ impl Page {
 
     fn finish(self, title: &str, runs: usize) -> String {
         let (light, dark, rules) = page_variables();
-        let (light, dark) = (
-            format!("{light}--card:#f4f6f8;"),
-            format!("{dark}--card:#1c2229;"),
-        );
+        let (light, dark) = (format!("{light}--card:#f4f6f8;"), format!("{dark}--card:#1c2229;"));
         let font = |weight: u32, data: &[u8]| {
             format!(
                 "@font-face{{font-family:Inter;font-weight:{weight};src:url(data:font/woff2;base64,{}) format(\"woff2\")}}",
                 STANDARD.encode(data)
             )
         };
-        let nav: String = self
-            .nav
-            .iter()
-            .map(|(id, title)| format!("<a href=\"#{id}\">{title}</a>"))
-            .collect();
+        let nav: String = self.nav.iter().map(|(id, title)| format!("<a href=\"#{id}\">{title}</a>")).collect();
         let lede = if runs == 1 {
             "A robot, seen once per step, is a noisy map. This run learned that map from its own steps, improved the policy inside it, \
              and gave it back to the robot."

@@ -50,18 +50,14 @@ fn base64(bytes: &[u8]) -> String {
 pub(super) fn pack(recording: &Recording, budget: usize) -> Packed<'_> {
     let bodies = recording.frames.first().map_or(0, |f| f.poses.len());
     let per_frame = (12 + 14 * bodies + 8 + 4) * 4 / 3;
-    let every = (recording.frames.len() * per_frame)
-        .div_ceil(budget.max(1))
-        .max(1);
+    let every = (recording.frames.len() * per_frame).div_ceil(budget.max(1)).max(1);
     let kept: Vec<_> = recording.frames.iter().step_by(every).collect();
     let first = |f: &stridemap_record::Frame| f.poses.first().copied().unwrap_or([0.0; 7]);
     let reach = kept
         .iter()
         .flat_map(|f| {
             let root = first(f);
-            f.poses
-                .iter()
-                .flat_map(move |p| (0..3).map(move |c| (p[c] - root[c]).abs()))
+            f.poses.iter().flat_map(move |p| (0..3).map(move |c| (p[c] - root[c]).abs()))
         })
         .fold(1e-3, f64::max);
     let scale = reach / 32_767.0;
@@ -129,17 +125,10 @@ fn height(recording: &Recording) -> f64 {
         .map(|s| {
             let reach = match s.kind {
                 ShapeKind::Sphere { radius_m } => radius_m,
-                ShapeKind::Capsule {
-                    radius_m,
-                    half_length_m,
-                } => radius_m + half_length_m,
+                ShapeKind::Capsule { radius_m, half_length_m } => radius_m + half_length_m,
                 ShapeKind::Cylinder { half_length_m, .. } => half_length_m,
-                ShapeKind::Ellipsoid {
-                    semi_axes_m: [_, _, z],
-                } => z,
-                ShapeKind::Box {
-                    half_extents_m: [_, _, z],
-                } => z,
+                ShapeKind::Ellipsoid { semi_axes_m: [_, _, z] } => z,
+                ShapeKind::Box { half_extents_m: [_, _, z] } => z,
             };
             frame.poses.get(s.body).map_or(0.0, |p| p[2]) + s.pose.position_m[2] + reach
         })
@@ -154,21 +143,13 @@ mod tests {
     fn recording(frames: usize) -> Recording {
         let frame = |i: usize| Frame {
             time_s: i as f64 * 0.02,
-            poses: vec![
-                [i as f64, 0.0, 0.8, 1.0, 0.0, 0.0, 0.0],
-                [i as f64 + 0.25, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0],
-            ],
+            poses: vec![[i as f64, 0.0, 0.8, 1.0, 0.0, 0.0, 0.0], [i as f64 + 0.25, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0]],
             cop_m: None,
             loads_n: [0.0, 931.4],
             crossing: i == 5,
             push_n: (i == 4 || i == 5).then_some([0.0, 40.0, 0.0]),
         };
-        Recording {
-            format: 1,
-            shapes: Vec::new(),
-            period_s: 0.02,
-            frames: (0..frames).map(frame).collect(),
-        }
+        Recording { format: 1, shapes: Vec::new(), period_s: 0.02, frames: (0..frames).map(frame).collect() }
     }
 
     #[test]
@@ -176,15 +157,10 @@ mod tests {
         let recording = recording(8);
         let packed = pack(&recording, usize::MAX);
         let place = STANDARD.decode(&packed.place).unwrap();
-        let at = |i: usize| {
-            f64::from(i16::from_le_bytes([place[2 * i], place[2 * i + 1]])) * packed.scale
-        };
+        let at = |i: usize| f64::from(i16::from_le_bytes([place[2 * i], place[2 * i + 1]])) * packed.scale;
         // Second body of the first frame: (0.25, 0, -0.5) from the first.
         assert!((at(3) - 0.25).abs() < 1e-4 && (at(5) + 0.5).abs() < 1e-4);
-        assert_eq!(
-            (packed.crossings.as_slice(), packed.pushes.len()),
-            ([5].as_slice(), 2)
-        );
+        assert_eq!((packed.crossings.as_slice(), packed.pushes.len()), ([5].as_slice(), 2));
         let loads = STANDARD.decode(&packed.loads).unwrap();
         assert_eq!(i16::from_le_bytes([loads[2], loads[3]]), 931);
     }
@@ -197,12 +173,7 @@ mod tests {
         assert!((packed.period - 0.08).abs() < 1e-12);
         assert_eq!(packed.crossings, [1]);
         assert!(
-            packed.root.len()
-                + packed.place.len()
-                + packed.turn.len()
-                + packed.cop.len()
-                + packed.loads.len()
-                < 21_000
+            packed.root.len() + packed.place.len() + packed.turn.len() + packed.cop.len() + packed.loads.len() < 21_000
         );
     }
 }

@@ -5,38 +5,18 @@ use stridemap_report::figures::*;
 
 pub fn fig7_data() -> Fig7 {
     let mut rng = Lcg(7);
-    let x: Vec<f64> = (0..=200)
-        .map(|i| f64::from(i) * std::f64::consts::TAU / 200.0)
-        .collect();
+    let x: Vec<f64> = (0..=200).map(|i| f64::from(i) * std::f64::consts::TAU / 200.0).collect();
     let sample_x = vec![0.35, 0.8, 1.0, 2.4, 2.7, 2.9, 3.3, 5.1, 5.4, 5.9];
-    let sample_y = sample_x
-        .iter()
-        .map(|v: &f64| v.sin() + 0.1 * rng.normal())
-        .collect();
+    let sample_y = sample_x.iter().map(|v: &f64| v.sin() + 0.1 * rng.normal()).collect();
     let std: Vec<f64> = x
         .iter()
         .map(|v| {
-            let near = sample_x
-                .iter()
-                .map(|s| (v - s).abs())
-                .fold(f64::INFINITY, f64::min);
+            let near = sample_x.iter().map(|s| (v - s).abs()).fold(f64::INFINITY, f64::min);
             0.08 + 0.75 * (1.0 - (-0.8 * near * near).exp())
         })
         .collect();
-    let mean = x
-        .iter()
-        .zip(&std)
-        .map(|(v, s)| v.sin() * (1.08 - 0.5 * s))
-        .collect();
-    Fig7 {
-        target: x.iter().map(|v| v.sin()).collect(),
-        x,
-        mean,
-        std,
-        std_with_noise: true,
-        sample_x,
-        sample_y,
-    }
+    let mean = x.iter().zip(&std).map(|(v, s)| v.sin() * (1.08 - 0.5 * s)).collect();
+    Fig7 { target: x.iter().map(|v| v.sin()).collect(), x, mean, std, std_with_noise: true, sample_x, sample_y }
 }
 
 pub fn fig8_data() -> Fig8 {
@@ -47,27 +27,13 @@ pub fn fig8_data() -> Fig8 {
             let full = -0.85 * (-0.48 * t64).exp() - 0.0041;
             TrialComparison {
                 trial: t,
-                gp: MeanSd {
-                    mean: gp,
-                    sd: 0.45 * gp.abs(),
-                },
-                full: MeanSd {
-                    mean: full,
-                    sd: 0.3 * full.abs(),
-                },
-                p_value: if t == 0 {
-                    None
-                } else {
-                    Some(0.4 / (1.0 + t64 * t64 / 5.0))
-                },
+                gp: MeanSd { mean: gp, sd: 0.45 * gp.abs() },
+                full: MeanSd { mean: full, sd: 0.3 * full.abs() },
+                p_value: if t == 0 { None } else { Some(0.4 / (1.0 + t64 * t64 / 5.0)) },
             }
         })
         .collect();
-    Fig8 {
-        trials,
-        seeds: 5,
-        strides: 20,
-    }
+    Fig8 { trials, seeds: 5, strides: 20 }
 }
 
 pub fn fig9_data() -> Fig9 {
@@ -75,25 +41,13 @@ pub fn fig9_data() -> Fig9 {
     let x: Vec<f64> = (0..=60).map(|i| f64::from(i) * 0.1).collect();
     let sigmoid = |v: f64, a: f64| 5.5 / (1.0 + (-a * (v - 2.1)).exp()) - 1.0;
     let curve = |a: f64, far: f64, rng: &mut Lcg| PolicyCurve {
-        mean: x
-            .iter()
-            .map(|v| sigmoid(*v, a) + far * (v - 4.0).max(0.0))
-            .collect(),
-        sd: x
-            .iter()
-            .map(|v| 0.25 + 0.12 * (v - 2.0).abs().powf(1.5))
-            .collect(),
+        mean: x.iter().map(|v| sigmoid(*v, a) + far * (v - 4.0).max(0.0)).collect(),
+        sd: x.iter().map(|v| 0.25 + 0.12 * (v - 2.0).abs().powf(1.5)).collect(),
         visited: (0..140).map(|_| 2.1 + 0.75 * rng.normal()).collect(),
     };
     let gp = curve(1.7, -0.5, &mut rng);
     let full = curve(1.4, -1.2, &mut rng);
-    Fig9 {
-        psi_roll_deg: x.clone(),
-        gp,
-        full,
-        seeds: 5,
-        action_label: "A_{step} (deg)".to_owned(),
-    }
+    Fig9 { psi_roll_deg: x.clone(), gp, full, seeds: 5, action_label: "A_{step} (deg)".to_owned() }
 }
 
 pub fn fig10_data() -> Fig10 {
@@ -109,19 +63,10 @@ pub fn fig10_data() -> Fig10 {
                 }
             })
             .collect();
-        ReturnMap {
-            name: name.to_owned(),
-            pairs,
-            slope: Some(slope),
-            fixed_point_deg: Some(fixed),
-            falls,
-        }
+        ReturnMap { name: name.to_owned(), pairs, slope: Some(slope), fixed_point_deg: Some(fixed), falls }
     };
     Fig10 {
-        maps: vec![
-            map("nominal gait", 0.66, 3.02, 1),
-            map("learned policy", 0.12, 2.03, 0),
-        ],
+        maps: vec![map("nominal gait", 0.66, 3.02, 1), map("learned policy", 0.12, 2.03, 0)],
         target_deg: Some(2.0),
         force_n: Some(40.0),
         duration_s: Some(0.2),

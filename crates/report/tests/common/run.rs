@@ -40,12 +40,7 @@ fn rows(
 ) -> String {
     let (mut psi, mut out, mut last) = (3.0, String::new(), 0.0);
     for k in 0..n {
-        let u = gain.map_or(0.0, |g| action(psi, g))
-            + if role == "training" {
-                0.5 * rng.normal()
-            } else {
-                0.0
-            };
+        let u = gain.map_or(0.0, |g| action(psi, g)) + if role == "training" { 0.5 * rng.normal() } else { 0.0 };
         let fell = fall_at == Some(k);
         let next = if fell {
             -0.4
@@ -54,11 +49,7 @@ fn rows(
         } else {
             stride(rng, psi, u)
         };
-        let reward = if fell {
-            -1.0
-        } else {
-            -0.1 * (next - 2.0) * (next - 2.0)
-        };
+        let reward = if fell { -1.0 } else { -0.1 * (next - 2.0) * (next - 2.0) };
         let end = if fell { "fell" } else { "crossing" };
         let fall = if fell { "psi_roll,-0.4,0" } else { ",," };
         let stance = if k % 2 == 0 { "left" } else { "right" };
@@ -84,21 +75,14 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
         "config.toml",
         "name = \"stepping\"\nstate = [\"psi_roll_deg\"]\n\n[[reward]]\nquantity = \"psi_roll_squared_error\"\nweight = 0.1\ntarget_deg = 2.0\n\n[robot]\nmodel = \"biped\"\n",
     );
-    let end = if faults.killed {
-        "null"
-    } else {
-        "\"2026-11-23T12:00:05Z\""
-    };
+    let end = if faults.killed { "null" } else { "\"2026-11-23T12:00:05Z\"" };
     put(
         "provenance.json",
         &format!(
             "{{\"version\":\"0.1.0\",\"git_revision\":\"0123abc\",\"mujoco_version\":\"3.17.0\",\"model_hash\":\"sha256:89ab\",\"seed\":{seed},\"machine\":\"x86_64 linux, 2 cores\",\"command\":\"stridemap learn stepping --seed {seed}\",\"start\":\"2026-11-23T12:00:00Z\",\"end\":{end}}}"
         ),
     );
-    put(
-        "columns.json",
-        "{\"state\":[\"psi_roll_deg\"],\"action\":[\"step_amplitude_deg\"]}",
-    );
+    put("columns.json", "{\"state\":[\"psi_roll_deg\"],\"action\":[\"step_amplitude_deg\"]}");
     let iterations = if faults.one_stride {
         1
     } else if faults.killed {
@@ -106,10 +90,8 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
     } else {
         4
     };
-    let (mut transitions, mut learning) = (
-        format!("{HEADER}\n"),
-        String::from("iteration,trial,world,average_reward,falls,strides\n"),
-    );
+    let (mut transitions, mut learning) =
+        (format!("{HEADER}\n"), String::from("iteration,trial,world,average_reward,falls,strides\n"));
     for i in 1..=iterations {
         let n = if faults.one_stride {
             1
@@ -119,27 +101,15 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
             20
         };
         let fall = (faults.fall && i == 2).then_some(11);
-        transitions.push_str(&rows(
-            &mut rng,
-            "",
-            "training",
-            i,
-            n,
-            Some(f64::from(i - 1)),
-            fall,
-        ));
+        transitions.push_str(&rows(&mut rng, "", "training", i, n, Some(f64::from(i - 1)), fall));
         if faults.one_stride || (faults.killed && i == 2) {
             continue;
         }
         for t in 1..=60 {
-            let reward = -0.35 * (-0.12 * f64::from(t)).exp()
-                - 0.004 / f64::from(i) * (1.0 + 0.5 * rng.uniform());
+            let reward = -0.35 * (-0.12 * f64::from(t)).exp() - 0.004 / f64::from(i) * (1.0 + 0.5 * rng.uniform());
             learning.push_str(&format!("{i},{t},map,{reward},{},24\n", u32::from(t < 4)));
         }
-        learning.push_str(&format!(
-            "{i},{i},robot,{},0,100\n",
-            -0.02 / f64::from(i * i)
-        ));
+        learning.push_str(&format!("{i},{i},robot,{},0,100\n", -0.02 / f64::from(i * i)));
         write_learned(&put, &mut rng, i);
     }
     if faults.killed {
@@ -161,8 +131,7 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
     put("summary.json", &format!("{{\"experiment\":\"stepping\",\"seed\":{seed},\"strides\":{{\"training\":80,\"evaluation\":0,\"warm_up\":0,\"record\":120}},\"iterations\":[{}],\"nominal\":{{\"strides\":100,\"mean_reward\":-0.1021,\"mean_psi_roll_deg\":3.01,\"falls\":0,\"stalls\":0}},\"final\":{{\"strides\":100,\"mean_reward\":-0.00062,\"mean_psi_roll_deg\":2.004,\"falls\":0,\"stalls\":0,\"speed_m_s\":null}},\"seconds\":{{\"simulation\":1.1,\"fit\":0.01,\"improve\":0.2,\"total\":1.31}}}}",
         (1..=4).map(|i| format!("{{\"iteration\":{i},\"strides\":20,\"falls\":{},\"strides_so_far\":{},\"falls_so_far\":{falls},\"log_marginal_likelihood\":[12.3],\"mean_reward\":{},\"success\":false}}", if i == 2 { falls } else { 0 }, 20 * i, -0.02 / f64::from(i * i * i) - 0.0006)).collect::<Vec<_>>().join(",")));
     for (stem, slope, fixed, falls) in [("push", 0.12, 2.03, 0), ("push-nominal", 0.66, 3.02, 1)] {
-        let mut csv =
-            String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
+        let mut csv = String::from("k,psi_roll_deg,psi_roll_after_1_deg,psi_roll_after_2_deg,force_n\n");
         for k in 0..39 {
             let psi = fixed + 0.9 * rng.normal();
             csv.push_str(&format!(
@@ -186,8 +155,7 @@ pub fn write_run(dir: &Path, seed: u64, faults: Faults) {
 
 fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
     let gain = f64::from(i);
-    let mut policy =
-        String::from("along,psi_roll_deg,mean_step_amplitude_deg,std_step_amplitude_deg,value\n");
+    let mut policy = String::from("along,psi_roll_deg,mean_step_amplitude_deg,std_step_amplitude_deg,value\n");
     for j in 0..=120 {
         let psi = -1.25 + 7.0 * f64::from(j) / 120.0;
         policy.push_str(&format!(
@@ -198,10 +166,7 @@ fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
         ));
     }
     put(&format!("figures/data/policy-{i}.csv"), &policy);
-    put(
-        &format!("policy/{i}.json"),
-        include_str!("../../../mutate/corpus/policy/1.json"),
-    );
+    put(&format!("policy/{i}.json"), include_str!("../../../mutate/corpus/policy/1.json"));
     let mut map = String::from(
         "state_axis,action_axis,psi_roll_deg,step_amplitude_deg,mean_psi_roll_deg,latent_std_psi_roll_deg,noise_std_psi_roll_deg\n",
     );
@@ -223,16 +188,9 @@ fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
     for along in 0..2 {
         for j in 0..=40 {
             let t = f64::from(j) / 20.0 - 1.0;
-            let (x, u) = if along == 0 {
-                (2.2 + t, 1.9)
-            } else {
-                (2.2, 1.9 + 2.0 * t)
-            };
+            let (x, u) = if along == 0 { (2.2 + t, 1.9) } else { (2.2, 1.9 + 2.0 * t) };
             let mean = 2.13 + 0.5 * (x - 2.2) - 0.22 * (u - 1.9);
-            lines.push_str(&format!(
-                "{along},{x},{u},{mean},{},0.08\n",
-                0.03 + 0.1 * t * t
-            ));
+            lines.push_str(&format!("{along},{x},{u},{mean},{},0.08\n", 0.03 + 0.1 * t * t));
         }
     }
     put(&format!("figures/data/lines-{i}.csv"), &lines);
@@ -243,17 +201,9 @@ fn write_learned(put: &impl Fn(&str, &str), rng: &mut Lcg, i: u32) {
     let mut card: SavedMap = serde_json::from_str(text).unwrap();
     card.iteration = i as usize;
     let output = &mut card.outputs[0];
-    output.warnings =
-        vec!["the length scale of `step_amplitude_deg` is at its upper limit".to_owned()];
-    output.leave_one_out = SavedLeaveOneOut {
-        mean,
-        std: vec![0.09; n],
-        actual,
-    };
-    put(
-        &format!("map/{i}.json"),
-        &serde_json::to_string(&card).unwrap(),
-    );
+    output.warnings = vec!["the length scale of `step_amplitude_deg` is at its upper limit".to_owned()];
+    output.leave_one_out = SavedLeaveOneOut { mean, std: vec![0.09; n], actual };
+    put(&format!("map/{i}.json"), &serde_json::to_string(&card).unwrap());
 }
 
 /// Seven bodies stepping in place: torso, and thigh, shank and foot of each leg.
@@ -262,58 +212,21 @@ fn write_poses(put: &impl Fn(&str, &str), what: &str, sway_deg: f64, push_at: Op
         name: String::new(),
         body,
         kind,
-        pose: Pose {
-            position_m: [x, 0.0, z],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-        },
+        pose: Pose { position_m: [x, 0.0, z], orientation: [1.0, 0.0, 0.0, 0.0] },
         rgba,
     };
     let grey = [0.55, 0.6, 0.66, 1.0];
     let mut shapes = vec![
-        shape(
-            0,
-            ShapeKind::Box {
-                half_extents_m: [0.09, 0.15, 0.3],
-            },
-            0.33,
-            0.0,
-            [0.3, 0.45, 0.62, 1.0],
-        ),
-        shape(
-            0,
-            ShapeKind::Sphere { radius_m: 0.1 },
-            0.75,
-            0.0,
-            [0.3, 0.45, 0.62, 1.0],
-        ),
+        shape(0, ShapeKind::Box { half_extents_m: [0.09, 0.15, 0.3] }, 0.33, 0.0, [0.3, 0.45, 0.62, 1.0]),
+        shape(0, ShapeKind::Sphere { radius_m: 0.1 }, 0.75, 0.0, [0.3, 0.45, 0.62, 1.0]),
     ];
     for leg in 0..2 {
         let b = 1 + 3 * leg;
-        shapes.push(shape(
-            b,
-            ShapeKind::Capsule {
-                radius_m: 0.06,
-                half_length_m: 0.14,
-            },
-            -0.185,
-            0.0,
-            grey,
-        ));
-        shapes.push(shape(
-            b + 1,
-            ShapeKind::Capsule {
-                radius_m: 0.045,
-                half_length_m: 0.14,
-            },
-            -0.185,
-            0.0,
-            grey,
-        ));
+        shapes.push(shape(b, ShapeKind::Capsule { radius_m: 0.06, half_length_m: 0.14 }, -0.185, 0.0, grey));
+        shapes.push(shape(b + 1, ShapeKind::Capsule { radius_m: 0.045, half_length_m: 0.14 }, -0.185, 0.0, grey));
         shapes.push(shape(
             b + 2,
-            ShapeKind::Box {
-                half_extents_m: [0.125, 0.065, 0.015],
-            },
+            ShapeKind::Box { half_extents_m: [0.125, 0.065, 0.015] },
             -0.045,
             0.015,
             [0.25, 0.28, 0.32, 1.0],
@@ -347,26 +260,12 @@ fn write_poses(put: &impl Fn(&str, &str), what: &str, sway_deg: f64, push_at: Op
                 time_s: 10.0 + t,
                 poses,
                 cop_m: Some([0.02, -0.09 * phase.sin().signum()]),
-                loads_n: if phase.sin() > 0.0 {
-                    [0.0, 930.0]
-                } else {
-                    [930.0, 0.0]
-                },
+                loads_n: if phase.sin() > 0.0 { [0.0, 930.0] } else { [930.0, 0.0] },
                 crossing: i > 0 && (t / 0.577).floor() > ((t - 0.02) / 0.577).floor(),
-                push_n: push_at
-                    .filter(|p| (t - p).abs() < 0.1)
-                    .map(|_| [0.0, 32.0, 0.0]),
+                push_n: push_at.filter(|p| (t - p).abs() < 0.1).map(|_| [0.0, 32.0, 0.0]),
             }
         })
         .collect();
-    let recording = Recording {
-        format: 1,
-        shapes,
-        period_s: 0.02,
-        frames,
-    };
-    put(
-        &format!("poses/{what}.json"),
-        &serde_json::to_string(&recording).unwrap(),
-    );
+    let recording = Recording { format: 1, shapes, period_s: 0.02, frames };
+    put(&format!("poses/{what}.json"), &serde_json::to_string(&recording).unwrap());
 }

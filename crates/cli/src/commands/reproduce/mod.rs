@@ -31,15 +31,8 @@ struct Document {
 }
 
 /// Draws figures; with `all` the table as well.
-pub fn reproduce(
-    figures: &[FigureName],
-    out: Option<&Path>,
-    seeds: u64,
-    common: &Common,
-) -> Result<(), Failure> {
-    use FigureName::{
-        Fig7, Fig8, Fig9, Fig10, Fig11, Fig12, Fig13, Fig14, Fig15, Fig16, Fig17, Fig18,
-    };
+pub fn reproduce(figures: &[FigureName], out: Option<&Path>, seeds: u64, common: &Common) -> Result<(), Failure> {
+    use FigureName::{Fig7, Fig8, Fig9, Fig10, Fig11, Fig12, Fig13, Fig14, Fig15, Fig16, Fig17, Fig18};
     crate::parallel::seeds(common.seed, seeds)?;
     if common.robot == Some(RobotName::Ros2) {
         return Err(Failure::request(
@@ -47,10 +40,7 @@ pub fn reproduce(
              `stridemap report`",
         ));
     }
-    let dir = out.map_or_else(
-        || PathBuf::from("runs").join("reproduce"),
-        Path::to_path_buf,
-    );
+    let dir = out.map_or_else(|| PathBuf::from("runs").join("reproduce"), Path::to_path_buf);
     files::check_dir(&dir)?;
     files::create_dir(&dir)?;
     let all = figures.contains(&FigureName::All);
@@ -104,11 +94,7 @@ pub fn reproduce(
         files::write_json(&dir.join("table.json"), &rows)?;
     }
     if common.json {
-        return output::json(&Document {
-            directory: dir,
-            table: rows,
-            samples,
-        });
+        return output::json(&Document { directory: dir, table: rows, samples });
     }
     if !rows.is_empty() {
         output::line(table.trim_end());
@@ -128,12 +114,7 @@ pub struct Row {
 }
 
 fn row(what: &str, paper: &str, ours: String, command: &str) -> Row {
-    Row {
-        what: what.into(),
-        paper: paper.into(),
-        ours,
-        command: command.into(),
-    }
+    Row { what: what.into(), paper: paper.into(), ours, command: command.into() }
 }
 
 /// Writes the strips' figures that are wanted; with the feature `render` also as pictures of the robots.
@@ -166,16 +147,9 @@ fn spread(values: &[f64], unit: &str) -> String {
         [] => "-".into(),
         [only] => format!("{only:.3} {unit} (one seed)"),
         _ => {
-            let (low, high) = values
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-                    (low.min(*v), high.max(*v))
-                });
-            format!(
-                "{:.3} {unit} (median; {low:.3} to {high:.3}, n = {})",
-                median(values),
-                values.len()
-            )
+            let (low, high) =
+                values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+            format!("{:.3} {unit} (median; {low:.3} to {high:.3}, n = {})", median(values), values.len())
         }
     }
 }
@@ -183,10 +157,7 @@ fn spread(values: &[f64], unit: &str) -> String {
 fn markdown(rows: &[Row]) -> String {
     let mut text = String::from("| what | paper | ours | command |\n|---|---|---|---|\n");
     for r in rows {
-        text += &format!(
-            "| {} | {} | {} | `stridemap {}` |\n",
-            r.what, r.paper, r.ours, r.command
-        );
+        text += &format!("| {} | {} | {} | `stridemap {}` |\n", r.what, r.paper, r.ours, r.command);
     }
     text
 }

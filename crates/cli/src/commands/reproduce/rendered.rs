@@ -26,20 +26,15 @@ pub fn write(dir: &Path, lapse: &TimeLapse, all: &[TimeLapse], shot: Shot) -> Re
         .map(|s| s.pose.position_m[2] + reach(s.kind))
         .fold(0.0, f64::max);
     let lane_m = LANE * height_m;
-    let everything: Vec<Drawn> = all
-        .iter()
-        .flat_map(|l| &l.strips)
-        .flat_map(|strip| solids(strip, shot, lane_m))
-        .collect();
+    let everything: Vec<Drawn> =
+        all.iter().flat_map(|l| &l.strips).flat_map(|strip| solids(strip, shot, lane_m)).collect();
     let camera = seeing(&everything, shot.view);
     for (index, strip) in lapse.strips.iter().enumerate() {
         let letter = char::from(b'a' + u8::try_from(index % 26).unwrap_or(0));
         let path = dir.join(format!("{}-{letter}-rendered.png", lapse.stem));
         let shapes: Vec<Solid> = solids(strip, shot, lane_m).into_iter().map(solid).collect();
         if let Err(error) = render(&shapes, camera, SIZE_PX, &path) {
-            output::note(format!(
-                "{error} (rendering needs libEGL; figures are drawn without it)"
-            ));
+            output::note(format!("{error} (rendering needs libEGL; figures are drawn without it)"));
             return Ok(());
         }
     }
@@ -50,29 +45,15 @@ pub fn write(dir: &Path, lapse: &TimeLapse, all: &[TimeLapse], shot: Shot) -> Re
 fn reach(kind: Kind) -> f64 {
     match kind {
         Kind::Sphere { radius_m } => radius_m,
-        Kind::Capsule {
-            radius_m,
-            half_length_m,
-        } => radius_m + half_length_m,
-        Kind::Cylinder {
-            radius_m,
-            half_length_m,
-        } => radius_m.hypot(half_length_m),
-        Kind::Ellipsoid {
-            semi_axes_m: [a, b, c],
-        } => a.max(b).max(c),
-        Kind::Box {
-            half_extents_m: [a, b, c],
-        } => (a * a + b * b + c * c).sqrt(),
+        Kind::Capsule { radius_m, half_length_m } => radius_m + half_length_m,
+        Kind::Cylinder { radius_m, half_length_m } => radius_m.hypot(half_length_m),
+        Kind::Ellipsoid { semi_axes_m: [a, b, c] } => a.max(b).max(c),
+        Kind::Box { half_extents_m: [a, b, c] } => (a * a + b * b + c * c).sqrt(),
     }
 }
 
 fn solid(s: Drawn) -> Solid {
-    Solid {
-        kind: s.kind,
-        pose: s.pose,
-        rgba: s.rgba,
-    }
+    Solid { kind: s.kind, pose: s.pose, rgba: s.rgba }
 }
 
 /// The nearest camera in its direction that sees everything.
@@ -87,20 +68,14 @@ fn seeing(solids: &[Drawn], view: View) -> Camera {
     let z = away.map(|c| c / length);
     let level = z[0].hypot(z[1]);
     let x = [-z[1] / level, z[0] / level, 0.0];
-    let y = [
-        z[1] * x[2] - z[2] * x[1],
-        z[2] * x[0] - z[0] * x[2],
-        z[0] * x[1] - z[1] * x[0],
-    ];
+    let y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     // The middle of what is seen, across and upward.
     let span = |axis: [f64; 3]| {
-        solids
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], s| {
-                let (at, r) = (dot(axis, s.pose.position_m), small_reach(s.kind));
-                [lo.min(at - r), hi.max(at + r)]
-            })
+        solids.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], s| {
+            let (at, r) = (dot(axis, s.pose.position_m), small_reach(s.kind));
+            [lo.min(at - r), hi.max(at + r)]
+        })
     };
     let middle = |[lo, hi]: [f64; 2]| 0.5 * (lo + hi);
     let (mx, my, mz) = (middle(span(x)), middle(span(y)), middle(span(z)));
@@ -117,19 +92,13 @@ fn seeing(solids: &[Drawn], view: View) -> Camera {
             across.max(upward) + dot(z, at)
         })
         .fold(0.1, f64::max);
-    Camera {
-        target_m,
-        from_m: [0, 1, 2].map(|i| target_m[i] + 1.04 * distance * z[i]),
-        view_deg: VIEW_DEG,
-    }
+    Camera { target_m, from_m: [0, 1, 2].map(|i| target_m[i] + 1.04 * distance * z[i]), view_deg: VIEW_DEG }
 }
 
 /// As [`reach`], but the line on the floor may leave the picture.
 fn small_reach(kind: Kind) -> f64 {
     match kind {
-        Kind::Box {
-            half_extents_m: [_, _, c],
-        } if c < 2e-3 => 0.0,
+        Kind::Box { half_extents_m: [_, _, c] } if c < 2e-3 => 0.0,
         other => reach(other),
     }
 }

@@ -33,12 +33,7 @@ pub struct RunsOfTask {
 impl<'a> Runs<'a> {
     /// Runs in the folder `runs` of the directory of the figures.
     pub fn new(dir: &Path, seeds: u64, common: &'a Common) -> Self {
-        Self {
-            dir: dir.join("runs"),
-            seeds,
-            common,
-            stop: stop_flag(),
-        }
+        Self { dir: dir.join("runs"), seeds, common, stop: stop_flag() }
     }
 
     /// The command that makes a task's runs.
@@ -55,24 +50,18 @@ impl<'a> Runs<'a> {
 
     /// Runs of tasks, in their order. Those that are there are taken, those that were cut off go on.
     pub fn of(&self, tasks: &[&str]) -> Result<Vec<RunsOfTask>, Failure> {
-        let loaded = tasks
-            .iter()
-            .map(|name| builtin::load(name, &self.common.sets))
-            .collect::<Result<Vec<LoadedTask>, _>>()?;
+        let loaded =
+            tasks.iter().map(|name| builtin::load(name, &self.common.sets)).collect::<Result<Vec<LoadedTask>, _>>()?;
         let seeds = parallel::seeds(self.common.seed, self.seeds)?;
-        let jobs: Vec<(usize, u64)> = (0..tasks.len())
-            .flat_map(|task| seeds.iter().map(move |seed| (task, *seed)))
-            .collect();
+        let jobs: Vec<(usize, u64)> =
+            (0..tasks.len()).flat_map(|task| seeds.iter().map(move |seed| (task, *seed))).collect();
         let progress = SeedProgress::new(jobs.len());
         let summaries = parallel::over(&jobs, self.common.threads, |&(task, seed)| {
             let (summary, how) = self.one(tasks[task], &loaded[task], seed)?;
             progress.done(&format!("{}, seed {seed}: {how}", tasks[task]));
             Ok(summary)
         })?;
-        let mut summaries = summaries
-            .into_iter()
-            .collect::<Result<Vec<Summary>, Failure>>()?
-            .into_iter();
+        let mut summaries = summaries.into_iter().collect::<Result<Vec<Summary>, Failure>>()?.into_iter();
         tasks
             .iter()
             .map(|name| {
@@ -89,18 +78,9 @@ impl<'a> Runs<'a> {
     }
 
     /// One run, and how it was come by.
-    fn one(
-        &self,
-        name: &str,
-        loaded: &LoadedTask,
-        seed: u64,
-    ) -> Result<(Summary, &'static str), Failure> {
+    fn one(&self, name: &str, loaded: &LoadedTask, seed: u64) -> Result<(Summary, &'static str), Failure> {
         let path = self.path(name, seed);
-        let common = Common {
-            seed,
-            json: false,
-            ..self.common.clone()
-        };
+        let common = Common { seed, json: false, ..self.common.clone() };
         start_or_go_on(name, loaded, &path, &common, &self.stop)
     }
 }

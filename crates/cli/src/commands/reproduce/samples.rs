@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
-use stridemap_lab::{
-    Algorithm, LabError, NoRecorder, builtin, fit_map, one_step_error, unseen_error,
-};
+use stridemap_lab::{Algorithm, LabError, NoRecorder, builtin, fit_map, one_step_error, unseen_error};
 use stridemap_record::{InPlace, Transition, files};
 use stridemap_report::figures::{SamplesPoint, samples as draw};
 
@@ -52,9 +50,7 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
         algorithm.collect(&mut NoRecorder)?;
         Ok(algorithm.progress.transitions)
     })?;
-    let unseen = unseen
-        .into_iter()
-        .collect::<Result<Vec<Vec<Transition>>, LabError>>()?;
+    let unseen = unseen.into_iter().collect::<Result<Vec<Vec<Transition>>, LabError>>()?;
     let jobs: Vec<(usize, u64, &[Transition])> = SAMPLES
         .iter()
         .flat_map(|n| {
@@ -94,11 +90,7 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
     files::create_dir(out)?;
     draw(&points)?.write(out)?;
     let extent = |values: &[f64]| {
-        values
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-                (low.min(*v), high.max(*v))
-            })
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)))
     };
     Ok(SAMPLES
         .iter()
@@ -135,14 +127,8 @@ pub fn show(rows: &[Row]) {
          falls   seeds",
     );
     for r in rows {
-        let error = format!(
-            "{:.3} ({:.3} to {:.3})",
-            r.median_error, r.smallest_error, r.largest_error
-        );
-        let speed = format!(
-            "{:.3} ({:.3} to {:.3})",
-            r.median_speed_m_s, r.worst_speed_m_s, r.best_speed_m_s
-        );
+        let error = format!("{:.3} ({:.3} to {:.3})", r.median_error, r.smallest_error, r.largest_error);
+        let speed = format!("{:.3} ({:.3} to {:.3})", r.median_speed_m_s, r.worst_speed_m_s, r.best_speed_m_s);
         output::line(format!(
             "{:>7}   {error:>30}   {:>17.3}   {speed:>32}   {:>5}   {:>5}",
             r.samples, r.median_unseen_error, r.falls, r.seeds

@@ -14,32 +14,19 @@ use crate::args::FigureName;
 use crate::failure::Failure;
 
 /// Two steps of the small humanoid.
-const STEPS: Shot = Shot {
-    view: View::Front,
-    interval_s: 0.16,
-    moments: 8,
-};
+const STEPS: Shot = Shot { view: View::Front, interval_s: 0.16, moments: 8 };
 /// Half a minute, about as long as its walking is measured.
-const WALK: Shot = Shot {
-    view: View::Side,
-    interval_s: 4.0,
-    moments: 8,
-};
+const WALK: Shot = Shot { view: View::Side, interval_s: 4.0, moments: 8 };
 /// Film that is left out before the strip of steps begins, so that the start has died away.
 const SETTLED_S: f64 = 6.0;
 
 fn one(runs: Vec<RunsOfTask>) -> Result<RunsOfTask, Failure> {
     let mut runs = runs.into_iter();
-    runs.next()
-        .ok_or_else(|| Failure::working("a run for the task"))
+    runs.next().ok_or_else(|| Failure::working("a run for the task"))
 }
 
 /// Draws Figs. 13 to 15, and returns the rows of the table.
-pub fn stepping(
-    dir: &Path,
-    wanted: &BTreeSet<FigureName>,
-    runs: &Runs<'_>,
-) -> Result<Vec<Row>, Failure> {
+pub fn stepping(dir: &Path, wanted: &BTreeSet<FigureName>, runs: &Runs<'_>) -> Result<Vec<Row>, Failure> {
     let RunsOfTask { first, summaries } = one(runs.of(&["small-stepping"])?)?;
     let mut rows = Vec::new();
     if wanted.contains(&FigureName::Fig13) {
@@ -75,8 +62,7 @@ pub fn stepping(
         let lapse = TimeLapse {
             stem: "fig15".into(),
             title: "Acquired stepping of the small humanoid".into(),
-            lead: "Fig. 15 of the paper: stepping of the small humanoid after one iteration."
-                .into(),
+            lead: "Fig. 15 of the paper: stepping of the small humanoid after one iteration.".into(),
             strips: vec![Strip {
                 name: "After one iteration (small-stepping)".into(),
                 speed_m_s: None,
@@ -90,11 +76,7 @@ pub fn stepping(
 }
 
 fn missing(run: &Run, what: &str) -> Failure {
-    ReportError::Empty {
-        figure: run.dir.display().to_string(),
-        what: what.into(),
-    }
-    .into()
+    ReportError::Empty { figure: run.dir.display().to_string(), what: what.into() }.into()
 }
 
 /// The first iteration's map with its training strides.
@@ -106,10 +88,7 @@ fn first_map(run: &Run) -> Result<MapFigure, Failure> {
         iteration: *iteration,
         columns: run.columns.clone(),
         grid: grid.clone(),
-        strides: data
-            .filter(|s| s.end == StrideEnd::Crossing)
-            .cloned()
-            .collect(),
+        strides: data.filter(|s| s.end == StrideEnd::Crossing).cloned().collect(),
     })
 }
 
@@ -117,14 +96,10 @@ fn first_map(run: &Run) -> Result<MapFigure, Failure> {
 fn roll_at_sections(run: &Run) -> Result<Fig14, Failure> {
     let sections = |what: &str| -> Vec<f64> {
         let rows = run.record.iter().filter(|r| r.0 == what).map(|r| &r.1);
-        rows.filter(|r| r.end == StrideEnd::Crossing)
-            .filter_map(|r| r.next_state.first().copied())
-            .collect()
+        rows.filter(|r| r.end == StrideEnd::Crossing).filter_map(|r| r.next_state.first().copied()).collect()
     };
     let psi_roll_deg = sections("iteration-1");
-    let target_deg = run
-        .target_deg()
-        .ok_or_else(|| missing(run, "no desired angle in config.toml"))?;
+    let target_deg = run.target_deg().ok_or_else(|| missing(run, "no desired angle in config.toml"))?;
     Ok(Fig14 {
         discard: run.record_discard().unwrap_or(0),
         psi_roll_deg,
@@ -139,23 +114,13 @@ fn settled(run: &Run, what: &str) -> Result<Recording, Failure> {
     let film = run.recordings.iter().find(|r| r.0 == what);
     let (_, film) = film.ok_or_else(|| missing(run, "no film of the first iteration's policy"))?;
     let start_s = film.frames.first().map_or(0.0, |f| f.time_s);
-    let from = film
-        .frames
-        .iter()
-        .position(|f| f.crossing && f.time_s >= start_s + SETTLED_S);
+    let from = film.frames.iter().position(|f| f.crossing && f.time_s >= start_s + SETTLED_S);
     let from = from.ok_or_else(|| missing(run, "no section in the film of the policy"))?;
-    Ok(Recording {
-        frames: film.frames[from..].to_vec(),
-        ..film.clone()
-    })
+    Ok(Recording { frames: film.frames[from..].to_vec(), ..film.clone() })
 }
 
 /// Draws Figs. 16 to 18 with one camera, and returns the rows of the table.
-pub fn walking(
-    dir: &Path,
-    wanted: &BTreeSet<FigureName>,
-    runs: &Runs<'_>,
-) -> Result<Vec<Row>, Failure> {
+pub fn walking(dir: &Path, wanted: &BTreeSet<FigureName>, runs: &Runs<'_>) -> Result<Vec<Row>, Failure> {
     let RunsOfTask { first, summaries } = one(runs.of(&["small-walking"])?)?;
     let strides = |iterations: usize| -> usize {
         let summary = first.summary.iter().flat_map(|s| &s.iterations);
@@ -204,9 +169,7 @@ pub fn walking(
     let names = [FigureName::Fig16, FigureName::Fig17, FigureName::Fig18];
     write_strips(dir, wanted, &lapses, &names, WALK)?;
     let speed = |n: usize| {
-        let speeds = summaries
-            .iter()
-            .filter_map(|s| s.iterations.get(n - 1)?.speed_m_s);
+        let speeds = summaries.iter().filter_map(|s| s.iterations.get(n - 1)?.speed_m_s);
         spread(&speeds.collect::<Vec<_>>(), "m/s")
     };
     let command = runs.command("small-walking");
@@ -220,12 +183,7 @@ pub fn walking(
         ));
     }
     if wanted.contains(&FigureName::Fig18) {
-        rows.push(row(
-            "Fig. 18: speed after the second iteration",
-            "0.045 m/s",
-            speed(2),
-            &command,
-        ));
+        rows.push(row("Fig. 18: speed after the second iteration", "0.045 m/s", speed(2), &command));
     }
     Ok(rows)
 }

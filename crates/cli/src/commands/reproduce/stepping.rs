@@ -21,11 +21,7 @@ use crate::parallel;
 use crate::progress::SeedProgress;
 
 /// The paper's pushes \[MA09, sec. 6.1\].
-const PUSHES: PushConfig = PushConfig {
-    force_n: 40.0,
-    duration_s: 0.2,
-    strides: 160,
-};
+const PUSHES: PushConfig = PushConfig { force_n: 40.0, duration_s: 0.2, strides: 160 };
 
 /// Draws Fig. 7.
 pub fn sine(dir: &Path, seed: u64) -> Result<(), Failure> {
@@ -33,13 +29,7 @@ pub fn sine(dir: &Path, seed: u64) -> Result<(), Failure> {
 }
 
 /// Draws Fig. 8 or 9 or both, and returns the rows of the table.
-pub fn learning(
-    dir: &Path,
-    curves: bool,
-    policies: bool,
-    seeds: u64,
-    common: &Common,
-) -> Result<Vec<Row>, Failure> {
+pub fn learning(dir: &Path, curves: bool, policies: bool, seeds: u64, common: &Common) -> Result<Vec<Row>, Failure> {
     let (comparison, arms) = run_arms("stepping-paper", seeds, common)?;
     if curves {
         fig8(&fig8_data(&comparison))?.write(dir)?;
@@ -61,9 +51,7 @@ pub fn pushes(dir: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Failu
 /// under v₀ = 1, v₁ = 0.01, v_k = 1.
 fn fig7_data(seed: u64) -> Result<Fig7, Failure> {
     let mut rng = stream(seed, Role::Fit, 0);
-    let sample_x: Vec<f64> = (0..10)
-        .map(|_| 2.0 * std::f64::consts::PI * rng.random::<f64>())
-        .collect();
+    let sample_x: Vec<f64> = (0..10).map(|_| 2.0 * std::f64::consts::PI * rng.random::<f64>()).collect();
     let sample_y: Vec<f64> = sample_x
         .iter()
         .map(|x| {
@@ -71,41 +59,18 @@ fn fig7_data(seed: u64) -> Result<Fig7, Failure> {
             x.sin() + 0.1 * z
         })
         .collect();
-    let hyperparameters = Hyperparameters {
-        length_scales: vec![1.0],
-        signal_variance: 1.0,
-        noise_variance: 0.01,
-    };
-    let fitted = Points::new(&sample_x, 1).and_then(|points| {
-        Gp::condition(
-            points,
-            &sample_y,
-            Kernel::SquaredExponential,
-            Mean::Zero,
-            hyperparameters,
-        )
-    });
+    let hyperparameters = Hyperparameters { length_scales: vec![1.0], signal_variance: 1.0, noise_variance: 0.01 };
+    let fitted = Points::new(&sample_x, 1)
+        .and_then(|points| Gp::condition(points, &sample_y, Kernel::SquaredExponential, Mean::Zero, hyperparameters));
     let gp = fitted.map_err(|error| Failure::working(error.to_string()))?;
-    let x: Vec<f64> = (0..=200)
-        .map(|i| 2.0 * std::f64::consts::PI * f64::from(i) / 200.0)
-        .collect();
+    let x: Vec<f64> = (0..=200).map(|i| 2.0 * std::f64::consts::PI * f64::from(i) / 200.0).collect();
     let (mut mean, mut std) = (Vec::new(), Vec::new());
     for x in &x {
-        let p = gp
-            .predict(&[*x])
-            .map_err(|error| Failure::working(error.to_string()))?;
+        let p = gp.predict(&[*x]).map_err(|error| Failure::working(error.to_string()))?;
         mean.push(p.mean);
         std.push(p.latent_variance.sqrt());
     }
-    Ok(Fig7 {
-        target: x.iter().map(|x| x.sin()).collect(),
-        x,
-        mean,
-        std,
-        std_with_noise: false,
-        sample_x,
-        sample_y,
-    })
+    Ok(Fig7 { target: x.iter().map(|x| x.sin()).collect(), x, mean, std, std_with_noise: false, sample_x, sample_y })
 }
 
 /// Pushes of one seed's nominal gait and learned policy.
@@ -126,10 +91,7 @@ fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> 
     let results = parallel::over(&list, common.threads, |&seed| -> Result<Pushed, LabError> {
         let mut algorithm = Algorithm::new(&task, seed)?;
         algorithm.learn(&mut stridemap_lab::NoRecorder)?;
-        let no_policy = || LabError::TooFewStrides {
-            found: 0,
-            needed: 1,
-        };
+        let no_policy = || LabError::TooFewStrides { found: 0, needed: 1 };
         let policy: SavedPolicy = algorithm.progress.final_policy(&task)?;
         let nominal_policy = task.nominal_policy()?;
         let (nominal_performance, final_performance) = (
@@ -141,14 +103,7 @@ fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> 
         let nominal = push(plant, &nominal_policy, PUSHES, seed, &mut |_| Ok(()))?;
         let learned = push(plant, &policy, PUSHES, seed, &mut |_| Ok(()))?;
         progress.done(&format!("seed {seed}"));
-        Ok(Pushed {
-            nominal,
-            learned,
-            nominal_performance,
-            final_performance,
-            strides,
-            target_deg: task.target_deg(),
-        })
+        Ok(Pushed { nominal, learned, nominal_performance, final_performance, strides, target_deg: task.target_deg() })
     })?;
     Ok(results.into_iter().collect::<Result<Vec<_>, _>>()?)
 }
@@ -174,10 +129,7 @@ fn return_map(name: &str, outcome: &PushOutcome) -> ReturnMap {
 
 fn fig10_data(pushed: &Pushed) -> Fig10 {
     Fig10 {
-        maps: vec![
-            return_map("nominal gait", &pushed.nominal),
-            return_map("learned policy", &pushed.learned),
-        ],
+        maps: vec![return_map("nominal gait", &pushed.nominal), return_map("learned policy", &pushed.learned)],
         target_deg: pushed.target_deg,
         force_n: Some(PUSHES.force_n),
         duration_s: Some(PUSHES.duration_s),
@@ -190,29 +142,14 @@ fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
     let reward = |of: &dyn Fn(&stridemap_lab::ComparePoint) -> stridemap_record::Spread| {
         last.map_or("-".into(), |t| {
             let s = of(t);
-            format!(
-                "{:+.4} (sd {:.4}, n = {})",
-                s.mean,
-                s.sd.unwrap_or(0.0),
-                c.seeds
-            )
+            format!("{:+.4} (sd {:.4}, n = {})", s.mean, s.sd.unwrap_or(0.0), c.seeds)
         })
     };
     let (gp, full) = (reward(&|t| t.gp), reward(&|t| t.full));
     let finding = &c.finding;
     vec![
-        row(
-            "Fig. 8: reward after the last trial, learned in the GP map",
-            "about 0 (read off)",
-            gp,
-            &command,
-        ),
-        row(
-            "Fig. 8: reward after the last trial, full model",
-            "about 0 (read off)",
-            full,
-            &command,
-        ),
+        row("Fig. 8: reward after the last trial, learned in the GP map", "about 0 (read off)", gp, &command),
+        row("Fig. 8: reward after the last trial, full model", "about 0 (read off)", full, &command),
         row(
             "Fig. 8: spread over seeds in the first half of the trials, GP map and full model",
             "the map's is larger",
@@ -232,8 +169,7 @@ fn rows_of_pushes(pushed: &[Pushed]) -> Vec<Row> {
     let median = |values: Vec<f64>| median(&values);
     let command = format!("reproduce fig10 --seeds {}", pushed.len());
     let n = pushed.len();
-    let slopes =
-        |of: &dyn Fn(&Pushed) -> Option<f64>| pushed.iter().filter_map(of).collect::<Vec<_>>();
+    let slopes = |of: &dyn Fn(&Pushed) -> Option<f64>| pushed.iter().filter_map(of).collect::<Vec<_>>();
     let falls: usize = pushed.iter().map(|p| p.learned.falls).sum();
     vec![
         row(
@@ -249,36 +185,18 @@ fn rows_of_pushes(pushed: &[Pushed]) -> Vec<Row> {
         row(
             "Fig. 10: fixed point, target 2.0 deg",
             "2.3 deg",
-            format!(
-                "{:.2} deg (median)",
-                median(slopes(&|p| p.learned.fixed_point_deg))
-            ),
+            format!("{:.2} deg (median)", median(slopes(&|p| p.learned.fixed_point_deg))),
             &command,
         ),
-        row(
-            "Fig. 10: falls under pushes",
-            "none reported",
-            format!("{falls} in {n} runs"),
-            &command,
-        ),
+        row("Fig. 10: falls under pushes", "none reported", format!("{falls} in {n} runs"), &command),
         row(
             "Sec. 6.1: mean reward of the final policy",
             "about 0 (Fig. 8)",
             format!(
                 "{:+.4} (median) from {} strides; nominal gait {:+.4}",
-                median(
-                    pushed
-                        .iter()
-                        .map(|p| p.final_performance.mean_reward)
-                        .collect()
-                ),
+                median(pushed.iter().map(|p| p.final_performance.mean_reward).collect()),
                 pushed.first().map_or(0, |p| p.strides),
-                median(
-                    pushed
-                        .iter()
-                        .map(|p| p.nominal_performance.mean_reward)
-                        .collect()
-                )
+                median(pushed.iter().map(|p| p.nominal_performance.mean_reward).collect())
             ),
             "learn stepping",
         ),

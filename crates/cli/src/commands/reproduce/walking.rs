@@ -11,23 +11,13 @@ use crate::args::FigureName;
 use crate::failure::Failure;
 
 /// Twelve seconds: from the start through the first strides to the policy's own speed.
-const SHOT: Shot = Shot {
-    view: View::Side,
-    interval_s: 2.0,
-    moments: 7,
-};
+const SHOT: Shot = Shot { view: View::Side, interval_s: 2.0, moments: 7 };
 
 /// Draws them with one camera, and returns the rows of the table.
-pub fn figures(
-    dir: &Path,
-    wanted: &BTreeSet<FigureName>,
-    runs: &Runs<'_>,
-) -> Result<Vec<Row>, Failure> {
+pub fn figures(dir: &Path, wanted: &BTreeSet<FigureName>, runs: &Runs<'_>) -> Result<Vec<Row>, Failure> {
     let tasks = ["walking-paper", "walking-single", "walking"];
-    let [paper, single, walking]: [RunsOfTask; 3] = runs
-        .of(&tasks)?
-        .try_into()
-        .map_err(|_| Failure::working("a run for each task"))?;
+    let [paper, single, walking]: [RunsOfTask; 3] =
+        runs.of(&tasks)?.try_into().map_err(|_| Failure::working("a run for each task"))?;
     let before = TimeLapse {
         stem: "fig11".into(),
         title: "Before learning to walk".into(),
@@ -39,12 +29,7 @@ pub fn figures(
                 "Exploring (walking-paper)",
                 "actions drawn at random about zero, the first strides of those from which it learns",
             )?,
-            Strip::of_run(
-                &walking.first,
-                "nominal",
-                "Nominal gait (walking)",
-                "before anything is learned",
-            )?,
+            Strip::of_run(&walking.first, "nominal", "Nominal gait (walking)", "before anything is learned")?,
         ],
     };
     let after = TimeLapse {
@@ -66,12 +51,7 @@ pub fn figures(
                 "Final policy, one modulation (walking-single)",
                 "A_walk as in the paper, our best, at most 300 strides",
             )?,
-            Strip::of_run(
-                &walking.first,
-                "final",
-                "Final policy, six modulations (walking)",
-                "at most 300 strides",
-            )?,
+            Strip::of_run(&walking.first, "final", "Final policy, six modulations (walking)", "at most 300 strides")?,
         ],
     };
     let names = [FigureName::Fig11, FigureName::Fig12];
@@ -90,12 +70,7 @@ pub fn figures(
                 &runs.command(task),
             )
         };
-        rows.push(of(
-            "Tables 1 and 2 literally, one iteration",
-            &paper,
-            tasks[0],
-            Some(0),
-        ));
+        rows.push(of("Tables 1 and 2 literally, one iteration", &paper, tasks[0], Some(0)));
         rows.push(of("A_walk alone", &single, tasks[1], None));
         rows.push(of("six modulations", &walking, tasks[2], None));
     }

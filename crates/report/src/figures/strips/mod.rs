@@ -109,26 +109,16 @@ pub fn time_lapses(figures: &[TimeLapse], shot: Shot) -> Result<Vec<Figure>> {
         for strip in &figure.strips {
             let scene = Scene::new(&strip.recording, shot.view);
             let row: Vec<Silhouette> = scene.map_or_else(Vec::new, |scene| {
-                (0..shot.moments)
-                    .map_while(|i| scene.at(i as f64 * shot.interval_s))
-                    .collect()
+                (0..shot.moments).map_while(|i| scene.at(i as f64 * shot.interval_s)).collect()
             });
-            some(
-                &figure.stem,
-                &format!("recorded poses of {}", strip.name),
-                row.len(),
-            )?;
+            some(&figure.stem, &format!("recorded poses of {}", strip.name), row.len())?;
             rows.push(row);
         }
         seen.push(rows);
     }
     let everything: Vec<Vec<Silhouette>> = seen.iter().flatten().cloned().collect();
     let stage = Stage::fitting(&everything, shot, Sheet::FREE_WIDTH);
-    Ok(figures
-        .iter()
-        .zip(&seen)
-        .map(|(figure, rows)| draw(figure, rows, &stage, shot))
-        .collect())
+    Ok(figures.iter().zip(&seen).map(|(figure, rows)| draw(figure, rows, &stage, shot)).collect())
 }
 
 /// `(a) `, or nothing where there is only one strip.
@@ -142,8 +132,7 @@ fn letter(index: usize, of: usize) -> String {
 
 fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot) -> Figure {
     let mut sheet = Sheet::new(&figure.stem, &figure.title);
-    let mut csv =
-        String::from("strip,time_s,way_ahead_m,way_left_m,piece,side,ahead_m,left_m,up_m\n");
+    let mut csv = String::from("strip,time_s,way_ahead_m,way_left_m,piece,side,ahead_m,left_m,up_m\n");
     let mut said = Vec::new();
     for (index, (strip, row)) in figure.strips.iter().zip(rows).enumerate() {
         let head = letter(index, figure.strips.len());
@@ -152,10 +141,7 @@ fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot)
         let floor = top + height - BELOW;
         let (svg, hover) = picture(strip, row, stage, shot.view, [left, floor]);
         let title = spans(&format!("{head}{}", strip.name), 13.0);
-        let speed = strip
-            .speed_m_s
-            .map(|v| format!("{} m/s", signed(v, 3)))
-            .unwrap_or_default();
+        let speed = strip.speed_m_s.map(|v| format!("{} m/s", signed(v, 3))).unwrap_or_default();
         sheet.draw(
             &format!(
                 "<text class=\"pnl\" x=\"{0}\" y=\"{1}\" font-size=\"13\">{title}</text>\
@@ -207,11 +193,7 @@ fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot)
             .zip(rows)
             .map(|(strip, row)| {
                 let way = row.last().map_or(0.0, |s| s.way_m[0]);
-                format!(
-                    "{}, {} m from the start at the end. ",
-                    strip.name,
-                    signed(way, 2)
-                )
+                format!("{}, {} m from the start at the end. ", strip.name, signed(way, 2))
             })
             .collect::<String>()
             .trim_end()
@@ -226,19 +208,11 @@ fn caption_of(head: &str, strip: &Strip, row: &[Silhouette], view: View) -> Stri
         text.push_str(&format!(": {} m/s", signed(speed, 3)));
     }
     if !strip.note.is_empty() {
-        text.push_str(if strip.speed_m_s.is_some() {
-            ", "
-        } else {
-            ": "
-        });
+        text.push_str(if strip.speed_m_s.is_some() { ", " } else { ": " });
         text.push_str(&strip.note);
     }
     if let (Some(last), View::Side) = (row.last(), view) {
-        text.push_str(&format!(
-            "; {} m ahead after {} s",
-            signed(last.way_m[0], 2),
-            number(last.time_s, 3)
-        ));
+        text.push_str(&format!("; {} m ahead after {} s", signed(last.way_m[0], 2), number(last.time_s, 3)));
     }
     text + "."
 }
@@ -255,18 +229,12 @@ mod tests {
             name: name.into(),
             body: 0,
             kind: ShapeKind::Box { half_extents_m },
-            pose: Pose {
-                position_m: [0.0, 0.0, z],
-                orientation: [1.0, 0.0, 0.0, 0.0],
-            },
+            pose: Pose { position_m: [0.0, 0.0, z], orientation: [1.0, 0.0, 0.0, 0.0] },
             rgba: [1.0; 4],
         };
         Recording {
             format: 1,
-            shapes: vec![
-                shape("post", [0.05, 0.1, 0.45], 0.55),
-                shape("foot", [0.1, 0.05, 0.01], 0.01),
-            ],
+            shapes: vec![shape("post", [0.05, 0.1, 0.45], 0.55), shape("foot", [0.1, 0.05, 0.01], 0.01)],
             period_s: 0.5,
             frames: (0..=20)
                 .map(|i| Frame {
@@ -295,11 +263,7 @@ mod tests {
         }
     }
 
-    const SHOT: Shot = Shot {
-        view: View::Side,
-        interval_s: 2.0,
-        moments: 4,
-    };
+    const SHOT: Shot = Shot { view: View::Side, interval_s: 2.0, moments: 4 };
 
     /// First pixel of each outline of one tone, in the order drawn.
     fn corners(figure: &Figure) -> Vec<[f64; 2]> {
@@ -331,26 +295,15 @@ mod tests {
             let at = |corners: &[[f64; 2]]| corners[2 * (3 - lane)];
             let (a, b) = (at(&still), at(&going));
             let way_m = 0.5 * 2.0 * lane as f64;
-            assert!(
-                (b[0] - a[0] - scale * way_m).abs() < 0.02,
-                "lane {lane}: {a:?} {b:?}"
-            );
+            assert!((b[0] - a[0] - scale * way_m).abs() < 0.02, "lane {lane}: {a:?} {b:?}");
             assert!((a[1] - b[1]).abs() < 0.02, "same floor");
         }
     }
 
     #[test]
     fn the_caption_has_the_recorded_speed_and_the_table_the_poses() {
-        let figure = time_lapses(&[lapse("a", "going", 0.5)], SHOT)
-            .unwrap()
-            .remove(0);
-        assert!(
-            figure
-                .caption
-                .contains("going: 0.500 m/s; 3.00 m ahead after 6 s."),
-            "{}",
-            figure.caption
-        );
+        let figure = time_lapses(&[lapse("a", "going", 0.5)], SHOT).unwrap().remove(0);
+        assert!(figure.caption.contains("going: 0.500 m/s; 3.00 m ahead after 6 s."), "{}", figure.caption);
         assert!(figure.svg.contains(">0.500 m/s<") && figure.svg.contains(">start<"));
         assert_eq!(figure.csv.lines().count(), 1 + 4 * 2);
         assert!(figure.csv.contains("\ngoing,4,2,0,foot,middle,2,0,0.01\n"));

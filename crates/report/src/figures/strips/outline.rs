@@ -7,13 +7,8 @@ pub(super) const AROUND: usize = 36;
 
 /// `R(q) v` for a unit quaternion (w, x, y, z).
 pub(super) fn turn([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    };
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let q = [x, y, z];
     let t = cross(q, v).map(|c| 2.0 * c);
     let qt = cross(q, t);
@@ -25,14 +20,8 @@ pub(super) fn balls(kind: ShapeKind) -> (Vec<[f64; 3]>, f64) {
     let around = |i: usize, of: usize| 2.0 * std::f64::consts::PI * i as f64 / of as f64;
     match kind {
         ShapeKind::Sphere { radius_m } => (vec![[0.0; 3]], radius_m),
-        ShapeKind::Capsule {
-            radius_m,
-            half_length_m: h,
-        } => (vec![[0.0, 0.0, -h], [0.0, 0.0, h]], radius_m),
-        ShapeKind::Cylinder {
-            radius_m: r,
-            half_length_m: h,
-        } => {
+        ShapeKind::Capsule { radius_m, half_length_m: h } => (vec![[0.0, 0.0, -h], [0.0, 0.0, h]], radius_m),
+        ShapeKind::Cylinder { radius_m: r, half_length_m: h } => {
             let rim = |z: f64| {
                 (0..AROUND).map(move |i| {
                     let (s, c) = around(i, AROUND).sin_cos();
@@ -41,9 +30,7 @@ pub(super) fn balls(kind: ShapeKind) -> (Vec<[f64; 3]>, f64) {
             };
             (rim(-h).chain(rim(h)).collect(), 0.0)
         }
-        ShapeKind::Ellipsoid {
-            semi_axes_m: [a, b, c],
-        } => {
+        ShapeKind::Ellipsoid { semi_axes_m: [a, b, c] } => {
             let points = (0..=AROUND / 2).flat_map(|i| {
                 let (z, ring) = (around(i, AROUND).cos(), around(i, AROUND).sin());
                 (0..AROUND).map(move |j| {
@@ -53,9 +40,7 @@ pub(super) fn balls(kind: ShapeKind) -> (Vec<[f64; 3]>, f64) {
             });
             (points.collect(), 0.0)
         }
-        ShapeKind::Box {
-            half_extents_m: [a, b, c],
-        } => {
+        ShapeKind::Box { half_extents_m: [a, b, c] } => {
             let corners = (0..8_u8).map(|i| {
                 let sign = |bit: u8| if i & bit == 0 { -1.0 } else { 1.0 };
                 [a * sign(1), b * sign(2), c * sign(4)]
@@ -96,20 +81,10 @@ pub(super) fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
 pub(super) fn volume(kind: ShapeKind) -> f64 {
     match kind {
         ShapeKind::Sphere { radius_m: r } => 4.2 * r.powi(3),
-        ShapeKind::Capsule {
-            radius_m: r,
-            half_length_m: h,
-        } => 6.3 * r * r * h + 4.2 * r.powi(3),
-        ShapeKind::Cylinder {
-            radius_m: r,
-            half_length_m: h,
-        } => 6.3 * r * r * h,
-        ShapeKind::Ellipsoid {
-            semi_axes_m: [a, b, c],
-        } => 4.2 * a * b * c,
-        ShapeKind::Box {
-            half_extents_m: [a, b, c],
-        } => 8.0 * a * b * c,
+        ShapeKind::Capsule { radius_m: r, half_length_m: h } => 6.3 * r * r * h + 4.2 * r.powi(3),
+        ShapeKind::Cylinder { radius_m: r, half_length_m: h } => 6.3 * r * r * h,
+        ShapeKind::Ellipsoid { semi_axes_m: [a, b, c] } => 4.2 * a * b * c,
+        ShapeKind::Box { half_extents_m: [a, b, c] } => 8.0 * a * b * c,
     }
 }
 
@@ -119,19 +94,8 @@ mod tests {
 
     #[test]
     fn a_hull_is_the_corners_counter_clockwise() {
-        let points = vec![
-            [0.0, 0.0],
-            [1.0, 1.0],
-            [0.5, 0.5],
-            [1.0, 0.0],
-            [0.5, 0.0],
-            [0.0, 1.0],
-            [0.0, 0.0],
-        ];
-        assert_eq!(
-            hull(points),
-            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-        );
+        let points = vec![[0.0, 0.0], [1.0, 1.0], [0.5, 0.5], [1.0, 0.0], [0.5, 0.0], [0.0, 1.0], [0.0, 0.0]];
+        assert_eq!(hull(points), [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
         assert_eq!(hull(vec![[1.0, 2.0]; 3]), [[1.0, 2.0]]);
     }
 

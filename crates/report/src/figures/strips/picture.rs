@@ -66,10 +66,7 @@ impl Stage {
 
     /// Distance between the lines on the floor: as many metres as leave them 45 px apart or more.
     pub(super) fn ruler_m(&self) -> f64 {
-        [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0]
-            .into_iter()
-            .find(|m| m * self.scale >= 45.0)
-            .unwrap_or(10.0)
+        [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0].into_iter().find(|m| m * self.scale >= 45.0).unwrap_or(10.0)
     }
 }
 
@@ -109,17 +106,9 @@ pub(super) fn picture(
     for i in (first..=last).filter(|i| *i != 0) {
         let along = i as f64 * step;
         ruler.push_str(&across(along));
-        svg.push_str(&text(
-            x(along, front),
-            floor + 14.0,
-            Anchor::Middle,
-            "mut",
-            &format!("{} m", number(along, 3)),
-        ));
+        svg.push_str(&text(x(along, front), floor + 14.0, Anchor::Middle, "mut", &format!("{} m", number(along, 3))));
     }
-    svg.push_str(&format!(
-        "<path class=\"l axis\" stroke-width=\"0.8\" stroke-opacity=\"0.55\" d=\"{ruler}\"/>"
-    ));
+    svg.push_str(&format!("<path class=\"l axis\" stroke-width=\"0.8\" stroke-opacity=\"0.55\" d=\"{ruler}\"/>"));
     for lane in 0..stage.moments {
         let lane = lane as f64;
         svg.push_str(&format!(
@@ -129,10 +118,7 @@ pub(super) fn picture(
             coord(x(stage.far_m, lane))
         ));
     }
-    svg.push_str(&format!(
-        "<path class=\"l s1\" stroke-width=\"4\" d=\"{}\"/>",
-        across(0.0)
-    ));
+    svg.push_str(&format!("<path class=\"l s1\" stroke-width=\"4\" d=\"{}\"/>", across(0.0)));
     svg.push_str(&text(
         x(0.0, front),
         floor + 14.0,

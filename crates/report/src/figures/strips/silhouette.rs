@@ -70,9 +70,7 @@ impl Silhouette {
     /// Least and greatest of a coordinate of the outlines: 0 to the right, 1 upward.
     pub(crate) fn extent_m(&self, axis: usize) -> [f64; 2] {
         let points = self.pieces.iter().flat_map(|p| &p.outline_m);
-        points.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], p| {
-            [lo.min(p[axis]), hi.max(p[axis])]
-        })
+        points.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], p| [lo.min(p[axis]), hi.max(p[axis])])
     }
 
     /// Least and greatest to the right of what is near the floor: under 5 % of the robot's height.
@@ -82,9 +80,7 @@ impl Silhouette {
         let points = self.pieces.iter().flat_map(|p| &p.outline_m);
         points
             .filter(|p| p[1] <= near)
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], p| {
-                [lo.min(p[0]), hi.max(p[0])]
-            })
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], p| [lo.min(p[0]), hi.max(p[0])])
     }
 
     /// The torso's way along the picture.
@@ -101,10 +97,7 @@ const MIDDLE: f64 = 0.08;
 
 fn place(frame: &Frame, shape: &Shape, local: [f64; 3]) -> [f64; 3] {
     let p = frame.poses.get(shape.body).copied().unwrap_or([0.0; 7]);
-    let body = Pose {
-        position_m: [p[0], p[1], p[2]],
-        orientation: [p[3], p[4], p[5], p[6]],
-    };
+    let body = Pose { position_m: [p[0], p[1], p[2]], orientation: [p[3], p[4], p[5], p[6]] };
     let in_body = turn(shape.pose.orientation, local);
     let in_body = [0, 1, 2].map(|i| in_body[i] + shape.pose.position_m[i]);
     let turned = turn(body.orientation, in_body);
@@ -127,10 +120,7 @@ impl<'a> Scene<'a> {
     /// `None` for a recording without frames or shapes.
     pub(crate) fn new(recording: &'a Recording, view: View) -> Option<Self> {
         let first = recording.frames.first()?;
-        let largest = recording
-            .shapes
-            .iter()
-            .max_by(|a, b| volume(a.kind).total_cmp(&volume(b.kind)))?;
+        let largest = recording.shapes.iter().max_by(|a, b| volume(a.kind).total_cmp(&volume(b.kind)))?;
         let torso = largest.body;
         let pose = *first.poses.get(torso)?;
         let [x, y, _] = turn([pose[3], pose[4], pose[5], pose[6]], [1.0, 0.0, 0.0]);
@@ -212,11 +202,7 @@ impl<'a> Scene<'a> {
                     }
                 }
                 Piece {
-                    name: if shape.name.is_empty() {
-                        format!("piece {i}")
-                    } else {
-                        shape.name.clone()
-                    },
+                    name: if shape.name.is_empty() { format!("piece {i}") } else { shape.name.clone() },
                     tone: *tone,
                     centre_m: self.to_start(place(frame, shape, [0.0; 3])),
                     outline_m: hull(seen),
@@ -231,11 +217,7 @@ impl<'a> Scene<'a> {
         pieces.sort_by(|a, b| nearness(a).total_cmp(&nearness(b)));
         let torso = frame.poses.get(self.torso)?;
         let way = self.to_start([torso[0], torso[1], torso[2]]);
-        Some(Silhouette {
-            time_s: frame.time_s - start_s,
-            way_m: [way[0], way[1]],
-            pieces,
-        })
+        Some(Silhouette { time_s: frame.time_s - start_s, way_m: [way[0], way[1]], pieces })
     }
 }
 
@@ -249,10 +231,7 @@ mod tests {
             name: name.into(),
             body,
             kind,
-            pose: Pose {
-                position_m: at,
-                orientation: [1.0, 0.0, 0.0, 0.0],
-            },
+            pose: Pose { position_m: at, orientation: [1.0, 0.0, 0.0, 0.0] },
             rgba: [1.0; 4],
         }
     }
@@ -272,12 +251,8 @@ mod tests {
     /// It stands at (2, 3), looks along +y, and goes 0.5 m along +y in a second.
     fn recording() -> Recording {
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let torso = ShapeKind::Box {
-            half_extents_m: [0.1, 0.15, 0.3],
-        };
-        let foot = ShapeKind::Box {
-            half_extents_m: [0.12, 0.05, 0.01],
-        };
+        let torso = ShapeKind::Box { half_extents_m: [0.1, 0.15, 0.3] };
+        let foot = ShapeKind::Box { half_extents_m: [0.12, 0.05, 0.01] };
         Recording {
             format: 1,
             shapes: vec![
@@ -316,27 +291,16 @@ mod tests {
         assert_eq!(names, ["left foot", "torso", "right foot"]);
         let tones: Vec<_> = side.pieces.iter().map(|p| p.tone).collect();
         assert_eq!(tones, [Tone::Far, Tone::Middle, Tone::Near]);
-        let front = Scene::new(&recording, View::Front)
-            .unwrap()
-            .at(1.0)
-            .unwrap();
+        let front = Scene::new(&recording, View::Front).unwrap().at(1.0).unwrap();
         let left = front.pieces.iter().find(|p| p.name == "left foot").unwrap();
         let reach = left.outline_m.iter().map(|p| p[0]).fold(0.0, f64::max);
         assert!((reach - 0.15).abs() < 1e-12);
-        assert!(
-            front.along_m(View::Front).abs() < 1e-12,
-            "walking on is not seen"
-        );
+        assert!(front.along_m(View::Front).abs() < 1e-12, "walking on is not seen");
     }
 
     #[test]
     fn outlines_of_round_shapes_have_their_radius() {
-        for kind in [
-            ShapeKind::Sphere { radius_m: 0.1 },
-            ShapeKind::Ellipsoid {
-                semi_axes_m: [0.1; 3],
-            },
-        ] {
+        for kind in [ShapeKind::Sphere { radius_m: 0.1 }, ShapeKind::Ellipsoid { semi_axes_m: [0.1; 3] }] {
             let mut r = recording();
             r.shapes.push(shape("ball", 0, kind, [2.0, 3.0, 2.0]));
             let seen = Scene::new(&r, View::Side).unwrap().at(0.0).unwrap();
@@ -351,10 +315,7 @@ mod tests {
     #[test]
     fn a_capsule_is_as_long_as_its_cylinder_and_two_radii() {
         let mut r = recording();
-        let capsule = ShapeKind::Capsule {
-            radius_m: 0.05,
-            half_length_m: 0.2,
-        };
+        let capsule = ShapeKind::Capsule { radius_m: 0.05, half_length_m: 0.2 };
         r.shapes = vec![shape("limb", 1, capsule, [0.0; 3])];
         let seen = Scene::new(&r, View::Side).unwrap().at(0.0).unwrap();
         let [low, high] = seen.extent_m(1);

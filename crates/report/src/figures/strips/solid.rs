@@ -77,10 +77,7 @@ pub fn solids(strip: &Strip, shot: Shot, lane_m: f64) -> Vec<Solid> {
                 View::Front => [half, thin, 0.001],
             },
         },
-        pose: Pose {
-            position_m: [middle[0], middle[1], 0.001],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-        },
+        pose: Pose { position_m: [middle[0], middle[1], 0.001], orientation: [1.0, 0.0, 0.0, 0.0] },
         rgba: [0.835, 0.369, 0.0, 1.0],
     });
     out
@@ -115,29 +112,19 @@ mod tests {
                     name: "ball".into(),
                     body: 0,
                     kind: ShapeKind::Sphere { radius_m: 0.1 },
-                    pose: Pose {
-                        position_m: [0.2, 0.0, 0.0],
-                        orientation: [1.0, 0.0, 0.0, 0.0],
-                    },
+                    pose: Pose { position_m: [0.2, 0.0, 0.0], orientation: [1.0, 0.0, 0.0, 0.0] },
                     rgba: [1.0; 4],
                 }],
                 period_s: 1.0,
                 frames: vec![frame(0.0), frame(1.0)],
             },
         };
-        let shot = Shot {
-            view: View::Side,
-            interval_s: 1.0,
-            moments: 2,
-        };
+        let shot = Shot { view: View::Side, interval_s: 1.0, moments: 2 };
         let solids = solids(&strip, shot, 0.8);
         assert_eq!(solids.len(), 3, "two moments and the line");
         let near = |a: [f64; 3], b: [f64; 3]| (0..3).all(|i| (a[i] - b[i]).abs() < 1e-12);
         assert!(near(solids[0].pose.position_m, [0.2, 0.0, 0.5]));
         assert!(near(solids[1].pose.position_m, [1.2, 0.8, 0.5]));
-        assert!(
-            (solids[1].pose.orientation[0] - 1.0).abs() < 1e-12,
-            "looks ahead"
-        );
+        assert!((solids[1].pose.orientation[0] - 1.0).abs() < 1e-12, "looks ahead");
     }
 }
