@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use stridemap_lab::run::Watcher;
 use stridemap_lab::{Progress, Task};
 use stridemap_learn::TrialSummary;
+use stridemap_process::StrideEnd;
 use stridemap_record::{Performance, Phase, StridePhase, Transition, Verdict};
-use stridemap_returnmap::StrideEnd;
 
 use crate::output;
 

@@ -10,8 +10,8 @@
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{Batch, Walker, builtin, drive};
 use stridemap_learn::ConstantPolicy;
+use stridemap_process::StrideEnd;
 use stridemap_record::{StridePhase, StrideRole, Transition, Walk, WalkTimes};
-use stridemap_returnmap::StrideEnd;
 
 /// How long each walks, and over which part the speed is taken.
 const TIMES: WalkTimes = WalkTimes { walk_s: 60.0, speed_s: 30.0 };

@@ -13,7 +13,8 @@ use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_learn::{SavedPolicy, TrialSummary};
-use stridemap_returnmap::{LearnedMap, MapSample, MapWorld, ProcessError, StateReward, StrideEnd, StrideProcess};
+use stridemap_map::{LearnedMap, MapError, MapSample, MapWorld, StateReward};
+use stridemap_process::{StrideEnd, StrideProcess};
 
 use crate::error::LabError;
 use crate::learner::Known;
@@ -419,7 +420,7 @@ impl<'a> Algorithm<'a> {
     ///
     /// # Errors
     ///
-    /// [`LabError::TooFewStrides`] or [`LabError::Process`].
+    /// [`LabError::TooFewStrides`] or [`LabError::Map`].
     pub fn fit(&mut self, recorder: &mut dyn Recorder) -> Result<LearnedMap, LabError> {
         let iteration = self.progress.iterations.len();
         let started = Instant::now();
@@ -436,7 +437,7 @@ impl<'a> Algorithm<'a> {
                 .filter(|_| self.task.caution.is_some());
             if let Some(i) = pitch_rate {
                 let scores = map.outputs()[i].leave_one_out();
-                let residuals = scores.map_err(ProcessError::from)?.residuals;
+                let residuals = scores.map_err(MapError::from)?.residuals;
                 last.pitch_rate_residual_deg_s = Some(robust_std(&residuals));
             }
         }
@@ -620,7 +621,7 @@ pub(crate) fn robust_std(residuals: &[f64]) -> f64 {
 ///
 /// # Errors
 ///
-/// [`LabError::TooFewStrides`], or [`LabError::Process`] if the Gaussian process cannot be fitted.
+/// [`LabError::TooFewStrides`], or [`LabError::Map`] if the Gaussian process cannot be fitted.
 pub fn fit_map(
     task: &Task,
     transitions: &[Transition],

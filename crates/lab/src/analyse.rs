@@ -2,8 +2,9 @@
 //! the map beside the robot's own.
 
 use serde::{Deserialize, Serialize};
+use stridemap_map::{Kick, MapDraw, MapInput, decay_after_kick};
+use stridemap_process::StrideEnd;
 use stridemap_record::{InPlace, Proof, StrideRole, Transition};
-use stridemap_returnmap::{Kick, MapDraw, MapInput, StrideEnd, decay_after_kick};
 
 use crate::algorithm::{Progress, fit_map};
 use crate::error::{Invalid, LabError};

@@ -129,7 +129,7 @@ fn not_yet(document: &Document) -> Option<(String, String)> {
 fn located(document: &Document, model: &ModelSource, error: LabError) -> LabError {
     use stridemap_gait::GaitError;
     use stridemap_learn::LearnError;
-    use stridemap_returnmap::ProcessError;
+    use stridemap_process::ProcessError;
     use stridemap_section::SectionError;
 
     let at = |key: &str, message: String| config(document.located(key, message));

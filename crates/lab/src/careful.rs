@@ -1,6 +1,6 @@
 //! Algorithm 1 with caution: policies are proposed within a trust region and proven on the robot.
 
-use stridemap_returnmap::StrideProcess;
+use stridemap_process::StrideProcess;
 
 use crate::algorithm::{Algorithm, Recorder};
 use crate::caution::CautionConfig;

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
+use stridemap_process::{ProcessError, StrideEnd};
 use stridemap_record::{StridePhase, StrideRole};
-use stridemap_returnmap::{ProcessError, StrideEnd};
 use stridemap_robot::{Robot, Side};
 
 use crate::error::LabError;

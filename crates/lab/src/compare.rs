@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
+use stridemap_process::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 use stridemap_record::{Iteration, Performance, Spread, StridePhase, StrideRole};
-use stridemap_returnmap::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 
 use crate::algorithm::{Algorithm, NoRecorder};
 use crate::error::LabError;

@@ -6,9 +6,10 @@ use stridemap_config::ConfigError;
 use stridemap_gait::GaitError;
 use stridemap_gp::GpError;
 use stridemap_learn::LearnError;
+use stridemap_map::MapError;
 use stridemap_mujoco::MujocoError;
+use stridemap_process::ProcessError;
 use stridemap_record::{Fall, RecordError, RobotFall};
-use stridemap_returnmap::{AnalysisError, ProcessError};
 use stridemap_robot::RobotError;
 use stridemap_section::SectionError;
 
@@ -71,9 +72,9 @@ pub enum LabError {
     /// The learner fails.
     #[error("learner: {0}")]
     Learn(#[from] LearnError),
-    /// A return map or fixed point cannot be found.
+    /// The map cannot be fitted or evaluated, or a return map found.
     #[error(transparent)]
-    Analysis(#[from] AnalysisError),
+    Map(MapError),
     /// The nominal gait does not carry this robot.
     #[error(
         "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s: {fall}); \
@@ -153,13 +154,19 @@ pub enum LabError {
     },
 }
 
+impl From<MapError> for LabError {
+    fn from(error: MapError) -> Self {
+        match error {
+            MapError::Process(error) => Self::Process(error),
+            error => Self::Map(error),
+        }
+    }
+}
+
 impl LabError {
     /// Whether the strides that reached the next section do not determine what is fitted to them.
     pub(crate) const fn is_of_too_few_strides(&self) -> bool {
-        matches!(
-            self,
-            Self::TooFewStrides { .. } | Self::Process(ProcessError::Map(GpError::MeanNotIdentifiable { .. }))
-        )
+        matches!(self, Self::TooFewStrides { .. } | Self::Map(MapError::Gp(GpError::MeanNotIdentifiable { .. })))
     }
 
     /// Whether the request itself was wrong (exit code 2), rather than something that happened while

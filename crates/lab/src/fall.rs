@@ -4,8 +4,8 @@
 //! measured and the threshold that it passed, is data, and goes wherever a fall is told.
 
 use serde::{Deserialize, Serialize};
+use stridemap_map::MapFailure;
 use stridemap_record::{Fall, FallCriterion, InPlace};
-use stridemap_returnmap::MapFailure;
 use stridemap_robot::RobotState;
 
 use crate::state::StateComponent;
@@ -95,7 +95,7 @@ impl FailureConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stridemap_returnmap::StrideEnd;
+    use stridemap_process::StrideEnd;
 
     /// A robot 0.5 m high, upright unless said otherwise.
     fn state(height_m: f64, tilt_deg: f64) -> RobotState {

@@ -28,7 +28,8 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{CmaEs, LinearPolicy, SavedPolicy};
-use stridemap_returnmap::{LearnedMap, MapPoint, MapSample, ProcessSpec, State};
+use stridemap_map::{LearnedMap, MapPoint, MapSample};
+use stridemap_process::{ProcessSpec, State};
 
 use crate::error::LabError;
 use crate::state::StateComponent;
@@ -91,7 +92,7 @@ pub struct StrideModel {
 ///
 /// # Errors
 ///
-/// [`LabError::Process`] if the map cannot be evaluated.
+/// [`LabError::Map`] if the map cannot be evaluated.
 pub fn stride_model(map: &LearnedMap, constants: &[f64], components: &[(usize, f64)]) -> Result<StrideModel, LabError> {
     const STRIDES: usize = 120;
     const AVERAGED: usize = 20;
@@ -240,7 +241,7 @@ impl StrideModel {
 ///
 /// # Errors
 ///
-/// [`LabError::Process`] if the map cannot be evaluated, [`LabError::Learn`] if the policy cannot be
+/// [`LabError::Map`] if the map cannot be evaluated, [`LabError::Learn`] if the policy cannot be
 /// built.
 pub fn with_feedback(
     map: &LearnedMap,

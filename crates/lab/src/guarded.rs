@@ -1,8 +1,8 @@
 //! Exploring under guard: after a warning the robot goes back towards the nominal gait for a while.
 
 use rand_chacha::ChaCha8Rng;
+use stridemap_process::{Action, StrideEnd};
 use stridemap_record::{Transition, Warning};
-use stridemap_returnmap::{Action, StrideEnd};
 
 use crate::guard::{Guard, GuardConfig, GuardThresholds};
 use crate::strides::{Act, ActionSource, Actor, Next};

@@ -5,8 +5,8 @@
 
 use std::sync::{Arc, Mutex};
 
+use stridemap_process::{ProcessError, StrideEnd};
 use stridemap_record::{Fall, FallCriterion, InPlace, StridePhase, StrideRole, Transition};
-use stridemap_returnmap::{ProcessError, StrideEnd};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::Crossing;
 
@@ -108,7 +108,7 @@ impl Extremes {
 struct Steps<'a>(Actor<'a>);
 
 impl Act for Steps<'_> {
-    fn act(&mut self, state: &[f64], rng: &mut rand_chacha::ChaCha8Rng) -> stridemap_returnmap::Action {
+    fn act(&mut self, state: &[f64], rng: &mut rand_chacha::ChaCha8Rng) -> stridemap_process::Action {
         self.0.act(state, rng)
     }
 

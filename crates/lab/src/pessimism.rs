@@ -12,10 +12,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
-use stridemap_returnmap::{
-    ActionLaw, ActionLimits, LearnedMap, MapDraw, MapFailure, MapStart, ProcessError, ProcessSpec, State, StateReward,
-    Stride, StrideEnd, StrideProcess,
-};
+use stridemap_map::{LearnedMap, MapDraw, MapFailure, MapStart, StateReward};
+use stridemap_process::{ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 
 /// How much a stride in the map costs for what is not known or not safe.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

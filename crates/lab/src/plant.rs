@@ -12,10 +12,8 @@ use std::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gait::Gait;
+use stridemap_process::{ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 use stridemap_record::{Fall, InPlace, StrideMeasures, Transition};
-use stridemap_returnmap::{
-    ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
-};
 use stridemap_robot::{JointTargets, Robot, RobotError, RobotState, Side};
 use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
 
@@ -265,7 +263,7 @@ impl Plant {
 
     /// The action that the next stride starts from.
     #[must_use]
-    pub const fn last_action(&self) -> &stridemap_returnmap::Action {
+    pub const fn last_action(&self) -> &stridemap_process::Action {
         self.law.last()
     }
 

@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{ConstantPolicy, Policy, SavedPolicy};
+use stridemap_process::{Action, StrideEnd};
 use stridemap_record::{Proof, Transition, Verdict, Warning};
-use stridemap_returnmap::{Action, StrideEnd};
 
 use crate::error::LabError;
 use crate::guard::{Guard, GuardConfig, GuardThresholds};

@@ -3,8 +3,8 @@
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::Policy;
+use stridemap_process::StrideEnd;
 use stridemap_record::{PushOutcome, PushPair, ReturnMapLine, StridePhase, StrideRole, Transition};
-use stridemap_returnmap::StrideEnd;
 
 use crate::error::LabError;
 use crate::plant::{Plant, Push};

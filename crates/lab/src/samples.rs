@@ -1,7 +1,8 @@
 //! How many strides a map needs \[MA09, sec. 8.1\].
 
+use stridemap_map::{LearnedMap, MapError};
+use stridemap_process::StrideEnd;
 use stridemap_record::Transition;
-use stridemap_returnmap::{LearnedMap, StrideEnd};
 
 use crate::algorithm::{Algorithm, Recorder, fit_map};
 use crate::error::LabError;
@@ -18,11 +19,11 @@ const AT_MOST: usize = 400;
 ///
 /// # Errors
 ///
-/// [`LabError::Process`] if the leave-one-out residuals cannot be computed.
+/// [`LabError::Map`] if the leave-one-out residuals cannot be computed.
 pub fn one_step_error(map: &LearnedMap) -> Result<f64, LabError> {
     let mut largest: f64 = 0.0;
     for gp in map.outputs() {
-        let residuals = gp.leave_one_out().map_err(stridemap_returnmap::ProcessError::from)?.residuals;
+        let residuals = gp.leave_one_out().map_err(MapError::from)?.residuals;
         let targets = gp.targets();
         let n = targets.len() as f64;
         let mean = targets.iter().sum::<f64>() / n;
@@ -42,7 +43,7 @@ pub fn one_step_error(map: &LearnedMap) -> Result<f64, LabError> {
 /// # Errors
 ///
 /// [`LabError::TooFewStrides`] if fewer than two strides reached the next section;
-/// [`LabError::Process`] if the map cannot predict them.
+/// [`LabError::Map`] if the map cannot predict them.
 pub fn unseen_error(map: &LearnedMap, strides: &[Transition]) -> Result<f64, LabError> {
     let reached: Vec<&Transition> = strides.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
     if reached.len() < 2 {

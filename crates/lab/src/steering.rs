@@ -3,8 +3,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+use stridemap_process::{StrideEnd, StrideProcess};
 use stridemap_record::{Performance, StridePhase, StrideRole};
-use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use crate::algorithm::{Algorithm, NoRecorder};
 use crate::error::{Invalid, LabError};

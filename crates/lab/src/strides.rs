@@ -4,8 +4,8 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_learn::Policy;
+use stridemap_process::{Action, State, StrideEnd, StrideProcess};
 use stridemap_record::{StridePhase, StrideRole, Transition};
-use stridemap_returnmap::{Action, State, StrideEnd, StrideProcess};
 
 use crate::error::LabError;
 use crate::learner::IntegralAction;

@@ -5,8 +5,8 @@
 //! the best proven action, which grows with each success and shrinks with each failure.
 
 use serde::{Deserialize, Serialize};
+use stridemap_process::ActionLimits;
 use stridemap_record::{Proof, Region, Verdict};
-use stridemap_returnmap::ActionLimits;
 
 /// Parameters of the trust region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ impl TrustConfig {
     ///
     /// ```
     /// use stridemap_lab::TrustConfig;
-    /// use stridemap_returnmap::ActionLimits;
+    /// use stridemap_process::ActionLimits;
     ///
     /// let config = TrustConfig {
     ///     unit: vec![2.0],

@@ -2,8 +2,8 @@
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_learn::Policy;
+use stridemap_process::{Action, StrideEnd};
 use stridemap_record::Transition;
-use stridemap_returnmap::{Action, StrideEnd};
 
 use crate::strides::{Act, Next};
 

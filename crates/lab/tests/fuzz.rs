@@ -9,9 +9,9 @@ use stridemap_gp::{Gp, Hyperparameters, Kernel, Mean, Points, SparseGp, SparseMe
 use stridemap_lab::builtin;
 use stridemap_lab::run::FinishedRun;
 use stridemap_learn::{Policy, SavedPolicy};
+use stridemap_map::SavedMap;
 use stridemap_mutate::{Corpus, fuzz};
 use stridemap_record::{Columns, Rows, files};
-use stridemap_returnmap::SavedMap;
 
 fn corpus(kind: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../mutate/corpus").join(kind)

@@ -5,8 +5,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_lab::{Plant, Push, builtin};
+use stridemap_process::{ProcessError, Stride, StrideEnd, StrideProcess};
 use stridemap_record::FallCriterion;
-use stridemap_returnmap::{ProcessError, Stride, StrideEnd, StrideProcess};
 
 fn plant(sets: &[&str]) -> Plant {
     let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();

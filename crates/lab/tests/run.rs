@@ -10,8 +10,8 @@ use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
 use stridemap_lab::{Algorithm, LabError, Progress, Recorder, RobotChoice, provenance_of};
 use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_map::LearnedMap;
 use stridemap_record::{FELL_IN_START, FallCriterion, Pace, Phase, Recording, Summary, Transition};
-use stridemap_returnmap::LearnedMap;
 
 /// A short run: two iterations of six strides.
 fn short() -> LoadedTask {

@@ -5,8 +5,9 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_lab::{Algorithm, LearnerKind, NoRecorder, Task, analyse, builtin};
+use stridemap_map::{Kick, decay_after_kick};
+use stridemap_process::StrideEnd;
 use stridemap_record::{StrideRole, Summary, Verdict};
-use stridemap_returnmap::{Kick, StrideEnd, decay_after_kick};
 
 fn small(name: &str) -> Task {
     let mut task = builtin::load(name, &[]).unwrap().task;

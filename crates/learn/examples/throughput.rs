@@ -10,7 +10,8 @@ use std::time::Instant;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{ActorCritic, ActorCriticConfig, Learner};
-use stridemap_returnmap::{LinearGaussianMap, LinearGaussianParameters, StrideProcess};
+use stridemap_process::StrideProcess;
+use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut map = LinearGaussianMap::new(LinearGaussianParameters::stepping())?;

@@ -1,4 +1,4 @@
-use stridemap_returnmap::{AnalysisError, ProcessError};
+use stridemap_process::ProcessError;
 
 /// What can go wrong when a policy is loaded or improved.
 #[derive(Debug, thiserror::Error)]
@@ -82,17 +82,6 @@ pub enum LearnError {
         /// Trial, from 1.
         trial: usize,
     },
-    /// Too few strides reached the next section for the process to be linearized.
-    #[error("{found} strides reached the next section, {needed} are needed to find a feedback")]
-    TooFewStrides {
-        /// Strides that did.
-        found: usize,
-        /// Strides needed.
-        needed: usize,
-    },
-    /// No feedback could be found for the linearized process.
-    #[error(transparent)]
-    Feedback(#[from] AnalysisError),
     /// The process failed.
     #[error(transparent)]
     Process(#[from] ProcessError),

@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
-use stridemap_returnmap::{Action, ProcessSpec};
+use stridemap_process::{Action, ProcessSpec};
 
 use crate::error::{LearnError, check_length, check_number};
 use crate::network::{Activations, NormalizedGaussianNetwork};
@@ -40,7 +40,7 @@ pub(crate) type Outputs = SmallVec<[f64; 16]>;
 ///
 /// ```
 /// # use stridemap_learn::{GaussianPolicy, Policy};
-/// # use stridemap_returnmap::{ActionDimension, ProcessSpec, StateDimension};
+/// # use stridemap_process::{ActionDimension, ProcessSpec, StateDimension};
 /// let spec = ProcessSpec {
 ///     state: vec![StateDimension { name: "psi_roll_deg".into() }],
 ///     action: vec![ActionDimension { name: "step_deg".into(), lower: -1.5, upper: 5.0 }],

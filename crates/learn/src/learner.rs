@@ -2,7 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::StrideProcess;
+use stridemap_process::StrideProcess;
 
 use crate::error::LearnError;
 use crate::policy::KeptPolicy;

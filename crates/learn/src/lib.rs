@@ -1,8 +1,8 @@
-//! Policies, and learners that improve them inside any [`stridemap_returnmap::StrideProcess`].
+//! Policies, and learners that improve them inside any [`stridemap_process::StrideProcess`].
 //!
 //! A [`Learner`] is given a process and answers with a policy; the process may be the robot, the
 //! map learned of it, or an exact map with a known answer. [`ActorCritic`] is the paper's;
-//! [`SearchLearner`] searches constants and adds linear-quadratic feedback.
+//! [`SearchLearner`] searches constants.
 //! Policies go to files and come back as [`SavedPolicy`].
 //!
 //! # References
@@ -36,4 +36,4 @@ pub use learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 pub use network::{Activations, NormalizedGaussianNetwork};
 pub use policy::{KeptPolicy, Policy};
 pub use saved::{ConstantPolicy, LinearPolicy, SavedPolicy};
-pub use search::{CmaEs, FeedbackConfig, SearchConfig, SearchLearner, StateBound};
+pub use search::{CmaEs, SearchConfig, SearchLearner};

@@ -1,7 +1,7 @@
 //! What a policy is.
 
 use rand_chacha::ChaCha8Rng;
-use stridemap_returnmap::Action;
+use stridemap_process::Action;
 
 use crate::SavedPolicy;
 

@@ -1,7 +1,7 @@
 //! Policies as files, and the two simple ones: a constant and a linear feedback.
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::{Action, ProcessSpec};
+use stridemap_process::{Action, ProcessSpec};
 
 use rand_chacha::ChaCha8Rng;
 

@@ -5,32 +5,27 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
-    ActorCritic, ActorCriticConfig, ConstantPolicy, FeedbackConfig, KeptPolicy, LearnError, LearnOutcome, Learner,
-    LinearPolicy, Policy, SavedPolicy, SearchConfig, SearchLearner,
+    ActorCritic, ActorCriticConfig, ConstantPolicy, KeptPolicy, LearnError, LearnOutcome, Learner, LinearPolicy,
+    Policy, SavedPolicy, SearchConfig, SearchLearner,
 };
-use stridemap_returnmap::{
-    LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, RimlessWheel, RimlessWheelParameters,
-    State, Stride, StrideEnd, StrideProcess,
-};
+use stridemap_process::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
+use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters, RimlessWheel, RimlessWheelParameters};
 
 /// Every learner of the crate, configured for one state and one action.
 fn learners() -> Vec<(&'static str, Box<dyn Learner>)> {
     let short = ActorCriticConfig { trials: 10, ..stepping() };
-    let search = SearchConfig { generations: 5, ..SearchConfig::within(&[0.5], &[0.0], &[1.0]) };
-    let feedback = FeedbackConfig {
-        components: vec![0],
-        state_cost: vec![1.0],
-        action_cost: vec![0.1],
-        limit: vec![0.5],
-        discount: 0.95,
-        dither: 0.2,
-        linearization_strides: 200,
+    let search = SearchConfig {
+        action_unit: vec![0.5],
+        lower: vec![0.0],
+        upper: vec![1.0],
+        generations: 5,
+        episodes: 4,
+        strides_per_episode: 30,
+        unscored_strides: 0,
     };
-    let with_feedback = SearchConfig { feedback: Some(feedback), ..search.clone() };
     vec![
         ("actor-critic", Box::new(ActorCritic { config: short })),
         ("search", Box::new(SearchLearner { config: search })),
-        ("search with feedback", Box::new(SearchLearner { config: with_feedback })),
     ]
 }
 

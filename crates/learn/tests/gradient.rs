@@ -6,10 +6,10 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{ActorCriticConfig, ActorCriticRun, GaussianPolicy, KeptPolicy, Policy, SavedPolicy};
-use stridemap_returnmap::{
-    Action, ActionDimension, LinearGaussianMap, LinearGaussianParameters, ProcessError, ProcessSpec, State,
-    StateDimension, Stride, StrideEnd, StrideProcess,
+use stridemap_process::{
+    Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
 };
+use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters};
 
 fn spec(states: usize, actions: usize, bound: f64) -> ProcessSpec {
     ProcessSpec {

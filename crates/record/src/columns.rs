@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::{ProcessSpec, State, StrideEnd};
+use stridemap_process::{ProcessSpec, State, StrideEnd};
 use stridemap_robot::Side;
 
 use crate::error::RecordError;
@@ -207,7 +207,7 @@ fn text(path: &Path) -> Result<String, RecordError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stridemap_returnmap::{ActionDimension, StateDimension};
+    use stridemap_process::{ActionDimension, StateDimension};
 
     fn table() -> Columns {
         Columns::new(&ProcessSpec {

@@ -3,7 +3,8 @@
 use std::fmt::Write;
 
 use stridemap_learn::{Policy, SavedPolicy};
-use stridemap_returnmap::{LearnedMap, ProcessError, StrideProcess};
+use stridemap_map::LearnedMap;
+use stridemap_process::{ProcessError, StrideProcess};
 
 use crate::columns::Columns;
 use crate::error::RecordError;

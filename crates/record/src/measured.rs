@@ -1,7 +1,7 @@
 //! What a policy achieved over a batch of strides.
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::StrideEnd;
+use stridemap_process::StrideEnd;
 
 use crate::return_line::ReturnMapLine;
 use crate::stride::Transition;

@@ -1,7 +1,8 @@
 //! The return map of a measured gait: lines through (ψ(k), ψ(k+1)) and (ψ(k), ψ(k+2)).
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::{AnalysisError, ReturnLine, StrideEnd};
+use stridemap_map::{MapError, ReturnLine};
+use stridemap_process::StrideEnd;
 
 use crate::stride::Transition;
 
@@ -23,7 +24,7 @@ impl ReturnMapLine {
     ///
     /// # Errors
     ///
-    /// [`AnalysisError`] for a value that is not finite.
+    /// [`MapError`] for a value that is not finite.
     ///
     /// # Example
     ///
@@ -35,9 +36,9 @@ impl ReturnMapLine {
     /// assert!((line.slope - 0.5).abs() < 1e-12);
     /// assert!((line.fixed_point_deg.unwrap() - 2.0).abs() < 1e-12);
     /// assert!(ReturnMapLine::fit(&[(0.0, 1.0)])?.is_none());
-    /// # Ok::<(), stridemap_returnmap::AnalysisError>(())
+    /// # Ok::<(), stridemap_map::MapError>(())
     /// ```
-    pub fn fit(pairs: &[(f64, f64)]) -> Result<Option<Self>, AnalysisError> {
+    pub fn fit(pairs: &[(f64, f64)]) -> Result<Option<Self>, MapError> {
         match ReturnLine::fit(pairs) {
             Ok(line) => Ok(Some(Self {
                 slope: line.slope,
@@ -45,7 +46,7 @@ impl ReturnMapLine {
                 fixed_point_deg: line.fixed_point().ok(),
                 pairs: line.pairs,
             })),
-            Err(AnalysisError::TooFewPairs { .. } | AnalysisError::NoSpread { .. }) => Ok(None),
+            Err(MapError::TooFewPairs { .. } | MapError::NoSpread { .. }) => Ok(None),
             Err(error) => Err(error),
         }
     }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use stridemap_learn::SavedPolicy;
-use stridemap_returnmap::{SavedMap, StrideEnd};
+use stridemap_map::SavedMap;
+use stridemap_process::StrideEnd;
 
 use crate::columns::Columns;
 use crate::error::RecordError;

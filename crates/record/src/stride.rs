@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::{Action, State, StrideEnd};
+use stridemap_process::{Action, State, StrideEnd};
 use stridemap_robot::Side;
 
 /// Why a stride was made.

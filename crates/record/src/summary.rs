@@ -1,7 +1,7 @@
 //! `summary.json`: the numbers that a script wants.
 
 use serde::{Deserialize, Serialize};
-use stridemap_returnmap::StrideEnd;
+use stridemap_process::StrideEnd;
 
 use crate::iteration::{GuardWarning, Proof, Region, Seconds};
 use crate::measured::Measured;

@@ -10,8 +10,8 @@ use crate::figures::{
     map_slices, map_surface, policy, predicted_actual, pushed_one_stride, runs_compared, standardized_residuals,
     state_over_strides, undisturbed_return_maps,
 };
+use stridemap_process::StrideEnd;
 use stridemap_record::{Measured, PushOutcome, PushPair, Run, Transition, World};
-use stridemap_returnmap::StrideEnd;
 
 /// A part of the report of one run: a question, its figures, and what could not be drawn.
 #[derive(Clone, Debug, Default)]

@@ -238,9 +238,9 @@ fn add_learning(log: &mut Log, run: &Run) {
     // The map was fitted to the training strides that reached a section, in this order.
     let mut fitted = 0;
     for (step, stride) in run.transitions.iter().enumerate() {
-        let is_datum = stride.role == StrideRole::Training && stride.end == stridemap_returnmap::StrideEnd::Crossing;
+        let is_datum = stride.role == StrideRole::Training && stride.end == stridemap_process::StrideEnd::Crossing;
         let predictions = is_datum.then(|| {
-            let of_output = |o: &stridemap_returnmap::SavedOutput| {
+            let of_output = |o: &stridemap_map::SavedOutput| {
                 let loo = &o.leave_one_out;
                 let (mean, std) = (loo.mean.get(fitted)?, loo.std.get(fitted)?);
                 Some((o.name.clone(), json!({ "mean": mean, "std": std })))

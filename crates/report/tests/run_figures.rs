@@ -6,11 +6,11 @@ mod common;
 
 use common::run::{Faults, write_run};
 use std::path::Path;
+use stridemap_process::StrideEnd;
 use stridemap_record::grid::{MapGrid, PolicyGrid};
 use stridemap_record::{Columns, GuardWarning, Region, ReturnMapLine, Run, StridePhase, Verdict, Warning};
 use stridemap_report::figures::*;
 use stridemap_report::*;
-use stridemap_returnmap::StrideEnd;
 
 fn run(faults: Faults) -> (tempfile::TempDir, Run) {
     let dir = tempfile::tempdir().unwrap();

@@ -11,8 +11,8 @@ use stridemap_lab::{
     StatePart, builtin, gaits, learners, rewards, states,
 };
 use stridemap_learn::{ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary};
+use stridemap_process::StrideProcess;
 use stridemap_record::{Measured, Summary};
-use stridemap_returnmap::StrideProcess;
 use stridemap_robot::{JointTargets, LegJoint, LegRole, Legs, RobotState};
 
 /// The paper's gait, with the knees some degrees straighter.

@@ -12,11 +12,11 @@ use stridemap_lab::{
     drive, make_strides, push as push_plant,
 };
 use stridemap_learn::SavedPolicy;
+use stridemap_process::{StrideEnd, StrideProcess};
 use stridemap_record::{
     Columns, Fall, FallCriterion, Measured, Performance, Recording, StridePhase, StrideRole, Transition, Walk,
     files::{self, lock},
 };
-use stridemap_returnmap::{StrideEnd, StrideProcess};
 
 use super::beside::Purpose;
 use super::linked::{beside_run, plant};

@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{Algorithm, NoRecorder, builtin};
-use stridemap_returnmap::StrideProcess;
+use stridemap_process::StrideProcess;
 
 use crate::failure::Failure;
 use crate::output;
@@ -67,7 +67,7 @@ pub fn bench(json: bool) -> Result<(), Failure> {
         let action = stridemap_learn::Policy::mean(&policy, &state);
         let stride = map.stride(&action, &mut rng).map_err(stridemap_lab::LabError::from)?;
         state = match stride.end {
-            stridemap_returnmap::StrideEnd::Crossing => stride.next_state,
+            stridemap_process::StrideEnd::Crossing => stride.next_state,
             _ => map.reset(&mut rng).map_err(stridemap_lab::LabError::from)?,
         };
     }

@@ -11,8 +11,8 @@ use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{StrideObserver, Task, TickObserver};
 use stridemap_link::{Operator, RemoteMachine, SharedJournal};
 use stridemap_mujoco::MujocoConfig;
+use stridemap_process::{StrideEnd, StrideProcess};
 use stridemap_record::{FELL_IN_START, Fall, FallCriterion, append_event};
-use stridemap_returnmap::{StrideEnd, StrideProcess};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::Crossing;
 

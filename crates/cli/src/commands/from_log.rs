@@ -8,8 +8,8 @@ use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{LabError, Plant, Task, builtin};
 use stridemap_link::{LogReport, LoggedAction, Repeated, ReplayMachine, read_log};
 use stridemap_mujoco::estimator;
+use stridemap_process::{Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess};
 use stridemap_record::{Columns, StridePhase, StrideRole, Transition, files};
-use stridemap_returnmap::{Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess};
 use stridemap_robot::EstimatedRobot;
 
 use super::linked;

@@ -6,7 +6,7 @@ use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{RobotChoice, builtin};
 use stridemap_link::{GuardBounds, LinkError, Serve, send_stop, serve};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine};
-use stridemap_returnmap::{StrideEnd, StrideProcess};
+use stridemap_process::{StrideEnd, StrideProcess};
 use stridemap_robot::{Robot, Ros2Config};
 
 use super::beside::Purpose;

@@ -7,11 +7,12 @@ use std::time::Instant;
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory};
 use stridemap_lab::{Algorithm, Progress, Task, builtin, fit_map};
+use stridemap_map::{LearnedMap, SavedMap};
+use stridemap_process::StrideEnd;
 use stridemap_record::{
     Columns, InPlace, Performance, Phase, Rows, Transition,
     files::{self, lock},
 };
-use stridemap_returnmap::{LearnedMap, SavedMap, StrideEnd};
 
 use super::beside::Purpose;
 use super::{in_network, linked, on_robot, provenance, run_path, say_differences};

@@ -4,6 +4,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use stridemap_gp::{FitOptions, Gp, Mean, Points};
 use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_map::MapError;
 
 use super::{ControlsConfig, Known, LearnerPart, value};
 use crate::error::LabError;
@@ -65,22 +66,18 @@ pub(super) fn next(
         inputs.extend(p.action.iter().zip(unit).map(|(a, u)| a / u));
     }
     let values: Vec<f64> = tried.iter().map(|p| value(p)).collect();
-    let points = Points::new(&inputs, m).map_err(gp_error)?;
+    let points = Points::new(&inputs, m).map_err(MapError::from)?;
     let options = FitOptions { mean: Mean::Constant, starts: 3, ..FitOptions::default() };
-    let gp = Gp::fit(points, &values, &options, rng).map_err(gp_error)?;
+    let gp = Gp::fit(points, &values, &options, rng).map_err(MapError::from)?;
     let (mut best, mut most) = (drawn(rng), f64::NEG_INFINITY);
     for _ in 0..CANDIDATES {
         let point = drawn(rng);
         let scaled: Vec<f64> = point.iter().zip(unit).map(|(a, u)| a / u).collect();
-        let p = gp.predict(&scaled).map_err(gp_error)?;
+        let p = gp.predict(&scaled).map_err(MapError::from)?;
         let bound = p.mean + config.ucb_stds * p.latent_variance.sqrt();
         if bound > most {
             (best, most) = (point, bound);
         }
     }
     Ok(best)
-}
-
-fn gp_error(error: stridemap_gp::GpError) -> LabError {
-    LabError::Process(error.into())
 }

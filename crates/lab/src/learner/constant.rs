@@ -29,7 +29,7 @@ impl LearnerPart for Grown {
     ) -> Result<SavedPolicy, LabError> {
         let ((_, region), tried) = (known.caution()?, known.tried());
         // The corner of the region that is farthest from the nominal gait, in every component.
-        let corner = |(i, limits): (usize, &stridemap_returnmap::ActionLimits)| {
+        let corner = |(i, limits): (usize, &stridemap_process::ActionLimits)| {
             let [below, above] = tried[i].map(|edge| (edge - limits.neutral).abs());
             if above >= below { region.upper[i] } else { region.lower[i] }
         };

@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{SavedPolicy, TrialSummary};
-use stridemap_returnmap::{ActionLimits, StrideEnd};
+use stridemap_process::{ActionLimits, StrideEnd};
 
 use super::{Known, LearnerPart, invalid};
 use crate::error::LabError;
@@ -47,7 +47,7 @@ impl IntegralAction {
     ///
     /// ```
     /// use stridemap_lab::IntegralAction;
-    /// use stridemap_returnmap::ActionLimits;
+    /// use stridemap_process::ActionLimits;
     ///
     /// let limits =
     ///     ActionLimits { lower: 0.0, upper: 6.0, rate_per_stride: 2.0, gain: 1.0, neutral: 0.0 };

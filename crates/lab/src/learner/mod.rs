@@ -15,7 +15,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gp::Mean;
 use stridemap_learn::{ConstantPolicy, Learner, SavedPolicy, TrialSummary};
-use stridemap_returnmap::{ActionLimits, LearnedMap, ProcessSpec, StateReward, StrideEnd, StrideProcess};
+use stridemap_map::{LearnedMap, StateReward};
+use stridemap_process::{ActionLimits, ProcessSpec, StrideEnd, StrideProcess};
 
 pub use integral::{IntegralAction, IntegralConfig};
 pub use search::SearchSettings;

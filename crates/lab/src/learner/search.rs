@@ -59,13 +59,13 @@ impl LearnerPart for InMap {
         let unit = &caution.trust.unit;
         let settings = known.task.search()?;
         let config = SearchConfig {
+            action_unit: unit.clone(),
+            lower: region.lower.clone(),
+            upper: region.upper.clone(),
             generations: settings.generations,
             episodes: settings.episodes,
             strides_per_episode: settings.strides_per_episode,
             unscored_strides: settings.unscored_strides,
-            std_weight: 0.0,
-            unsafe_penalty: 0.0,
-            ..SearchConfig::within(unit, &region.lower, &region.upper)
         };
         let proofs = known.progress.proofs();
         let start = Proof::best(&proofs).map(|b| &proofs[b].action);

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use stridemap_files::Lock;
 use stridemap_learn::{SavedPolicy, TrialSummary};
+use stridemap_map::LearnedMap;
 use stridemap_record::{
     Checkpoint, Columns, EVENTS, EVENTS_HEADER, FORMAT, LearningRow, Pace, Phase, Provenance, RecordError, Recording,
     RobotFall, StridePhase, Summary, Transition, World, event_line, falls_in_starts,
@@ -13,7 +14,6 @@ use stridemap_record::{
     files::{lock, sweep, write_json_line},
     grid,
 };
-use stridemap_returnmap::LearnedMap;
 
 use crate::algorithm::{Progress, Recorder};
 use crate::error::LabError;

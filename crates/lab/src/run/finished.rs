@@ -37,7 +37,7 @@ pub(super) fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usiz
         (1..=c.policies).map(|i| read_json(&path.join(format!("policy/{i}.json")))).collect::<Result<_, _>>()?;
     let progress = Progress {
         // Aborted strides are in the log but are no data.
-        transitions: transitions.into_iter().filter(|t| t.end != stridemap_returnmap::StrideEnd::Aborted).collect(),
+        transitions: transitions.into_iter().filter(|t| t.end != stridemap_process::StrideEnd::Aborted).collect(),
         iterations: c.iterations,
         policies,
         nominal: c.nominal,

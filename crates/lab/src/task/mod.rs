@@ -9,9 +9,10 @@ pub use parts::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, Lea
 use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, GaitConfig};
 use stridemap_learn::{ConstantPolicy, SavedPolicy};
+use stridemap_map::MapConfig;
 use stridemap_mujoco::MujocoConfig;
+use stridemap_process::{ActionDimension, ActionLimits, ProcessSpec, StateDimension};
 use stridemap_record::{RobotFall, StridePhase};
-use stridemap_returnmap::{ActionDimension, ActionLimits, MapConfig, ProcessSpec, StateDimension};
 use stridemap_robot::{Robot, RobotDescription, Ros2Config};
 use stridemap_section::SectionConfig;
 

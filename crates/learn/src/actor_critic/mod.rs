@@ -7,7 +7,7 @@ pub use config::ActorCriticConfig;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use smallvec::SmallVec;
-use stridemap_returnmap::{Action, ProcessSpec, State, StrideEnd, StrideProcess};
+use stridemap_process::{Action, ProcessSpec, State, StrideEnd, StrideProcess};
 
 use crate::error::LearnError;
 use crate::gaussian_policy::{GaussianPolicy, Outputs, Score};
@@ -79,7 +79,7 @@ impl Learner for ActorCritic {
 ///
 /// ```
 /// # use stridemap_learn::{ActorCriticConfig, ActorCriticRun, LearnError, Policy};
-/// # use stridemap_returnmap::StrideProcess;
+/// # use stridemap_process::StrideProcess;
 /// # fn example(process: &mut dyn StrideProcess, rng: &mut rand_chacha::ChaCha8Rng) -> Result<(), LearnError> {
 /// let config = ActorCriticConfig::paper(&[0.5], &[1.0]);
 /// let mut run = ActorCriticRun::new(&config, process.spec(), None)?;

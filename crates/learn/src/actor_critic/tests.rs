@@ -1,7 +1,7 @@
 //! What is checked by hand: targets, traces, restarts, averages, bad answers.
 
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_returnmap::{ActionDimension, ProcessError, StateDimension, Stride};
+use stridemap_process::{ActionDimension, ProcessError, StateDimension, Stride};
 
 use super::*;
 use crate::policy::Policy;

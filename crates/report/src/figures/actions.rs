@@ -5,8 +5,8 @@ use super::names::{label, quantity};
 use crate::draw::{Anchor, Axis, Dash, Key, Mark, Panel, Sheet, extent, plain, plural, signed};
 use crate::error::Result;
 use crate::figure::Figure;
+use stridemap_process::StrideEnd;
 use stridemap_record::{Columns, GuardWarning, Region, StridePhase, Transition, Verdict, Warning};
-use stridemap_returnmap::StrideEnd;
 
 /// What is known of an iteration beside its strides.
 #[derive(Clone, Debug, Default, PartialEq)]

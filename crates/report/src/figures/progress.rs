@@ -5,8 +5,8 @@ use super::names::{label, reward_axis, scale_note};
 use crate::draw::{Axis, Dash, Key, Mark, Panel, Sheet, extent, number, plain, plural, signed};
 use crate::error::Result;
 use crate::figure::Figure;
+use stridemap_process::StrideEnd;
 use stridemap_record::{LearningRow, StridePhase, StrideRole, Transition, World};
-use stridemap_returnmap::StrideEnd;
 
 /// Rewards of a run, in the map and on the robot.
 #[derive(Clone, Debug, Default, PartialEq)]

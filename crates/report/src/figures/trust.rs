@@ -5,7 +5,7 @@ use super::names::{label, quantity};
 use crate::draw::{Axis, Dash, Key, Mark, Sheet, number, plain, signed};
 use crate::error::Result;
 use crate::figure::Figure;
-use stridemap_returnmap::{SavedLeaveOneOut, SavedMap, SavedOutput};
+use stridemap_map::{SavedLeaveOneOut, SavedMap, SavedOutput};
 
 fn scored<'a>(stem: &str, map: &'a SavedMap) -> Result<Vec<(&'a SavedOutput, &'a SavedLeaveOneOut)>> {
     let outputs: Vec<_> =

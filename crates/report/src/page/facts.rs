@@ -2,8 +2,9 @@
 
 use crate::draw::{escape, number, plain, plural, signed};
 use crate::figures::{label, quantity};
+use stridemap_map::SavedOutput;
+use stridemap_process::StrideEnd;
 use stridemap_record::{Measured, Run, Verdict};
-use stridemap_returnmap::{SavedOutput, StrideEnd};
 
 /// Title of the page of one run.
 pub(super) fn title(run: &Run) -> String {

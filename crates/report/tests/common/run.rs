@@ -3,8 +3,8 @@
 use super::Lcg;
 use std::fs;
 use std::path::Path;
+use stridemap_map::{SavedLeaveOneOut, SavedMap};
 use stridemap_record::{Frame, Recording};
-use stridemap_returnmap::{SavedLeaveOneOut, SavedMap};
 use stridemap_robot::{Pose, Shape, ShapeKind};
 
 /// What is wrong with the run.

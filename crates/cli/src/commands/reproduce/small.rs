@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use stridemap_process::StrideEnd;
 use stridemap_record::{Recording, Run, Summary};
 use stridemap_report::ReportError;
 use stridemap_report::figures::{Fig14, MapFigure, Shot, Strip, TimeLapse, View, fig13, fig14};
-use stridemap_returnmap::StrideEnd;
 
 use super::runs::{Runs, RunsOfTask};
 use super::{Row, row, spread, write_strips};

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_gp::{Bounds, FitOptions, Kernel, Mean, Range};
 
-use crate::process::ProcessError;
+use stridemap_process::ProcessError;
 
 /// What a map looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -117,9 +117,22 @@ pub enum ProcessError {
         /// What it must satisfy.
         requirement: &'static str,
     },
-    /// The Gaussian process behind a learned map failed.
-    #[error("the learned map failed: {0}")]
-    Map(#[from] stridemap_gp::GpError),
+    /// A list does not have one entry per component.
+    #[error("{what} has {found} components, {expected} are needed")]
+    Length {
+        /// The list.
+        what: &'static str,
+        /// Components needed.
+        expected: usize,
+        /// Components found.
+        found: usize,
+    },
+    /// A stride without noise does not reach the next section.
+    #[error("the stride does not return to the section: {}", end.name())]
+    NoReturn {
+        /// How it ended.
+        end: StrideEnd,
+    },
     /// The world behind the process failed beyond what a stride can report.
     #[error("{0}")]
     World(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -153,6 +166,18 @@ pub trait StrideProcess {
     /// [`ProcessError`] for an action of the wrong length or not finite, for a process that was not
     /// reset, or if the world behind the process fails.
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError>;
+}
+
+/// A map whose mean can be asked for at any state: the learned map, the exact maps; not a robot.
+pub trait MeanMap {
+    /// The next state without noise, `f(x, u)` of \[MA09, eq. (7)\]; the action is clipped to the
+    /// process's bounds.
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError::NoReturn`] if the stride does not reach the next section; [`ProcessError`] for a
+    /// bad state or action.
+    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError>;
 }
 
 /// Checks an action against a process: length and finiteness; then clips it to the bounds.

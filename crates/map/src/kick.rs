@@ -7,7 +7,7 @@
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::process::{ProcessError, StrideEnd, StrideProcess};
+use stridemap_process::{ProcessError, StrideEnd, StrideProcess};
 
 /// Strides of the ramp from the nominal gait to the constant action.
 const RAMP_STRIDES: f64 = 20.0;
@@ -75,7 +75,8 @@ fn walk(
 ///
 /// ```
 /// use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
-/// use stridemap_returnmap::{Kick, LinearGaussianMap, LinearGaussianParameters, decay_after_kick};
+/// use stridemap_map::{Kick, decay_after_kick};
+/// use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters};
 ///
 /// // x' = -0.8 x + u without noise: a kick decays by -0.8 from stride to stride.
 /// let mut process = LinearGaussianMap::new(LinearGaussianParameters {

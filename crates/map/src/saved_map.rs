@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 use stridemap_gp::{Card, Gp, GpError, Warning};
 
+use stridemap_process::ProcessSpec;
+
 use crate::map_config::MapConfig;
-use crate::process::ProcessSpec;
 
 /// The version of the map files that this crate writes and reads.
 pub(crate) const FORMAT: u32 = 1;

@@ -5,10 +5,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use smallvec::smallvec;
 use stridemap_gp::{Kernel, Mean};
-use stridemap_returnmap::{
-    ActionDimension, ActionLimits, LearnedMap, MapConfig, MapDraw, MapFailure, MapInput, MapPoint, MapSample, MapStart,
-    MapWorld, ProcessError, ProcessSpec, StateDimension, StrideEnd, StrideProcess,
+use stridemap_map::{
+    LearnedMap, MapConfig, MapDraw, MapError, MapFailure, MapInput, MapPoint, MapSample, MapStart, MapWorld,
 };
+use stridemap_process::{ActionDimension, ActionLimits, ProcessSpec, StateDimension, StrideEnd, StrideProcess};
 
 /// Slopes of the first component on itself and on the action, and of the turn likewise.
 const F: f64 = -0.5;
@@ -22,12 +22,12 @@ fn turn(x: f64, u: f64) -> f64 {
 
 /// A robot with one inner component and a heading, mirrored from stride to stride:
 /// `x' = F x + G u`, `h' = −(h + turn(x, u))`. Headings in the data lie within 5 deg of `heading`.
-fn map(heading: f64) -> Result<LearnedMap, ProcessError> {
+fn map(heading: f64) -> Result<LearnedMap, MapError> {
     map_of(heading, Mean::Linear, 1.0)
 }
 
 /// The same with another mean, and with actions as much smaller as `actions` says.
-fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, ProcessError> {
+fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, MapError> {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let samples: Vec<MapSample> = (0..60)
         .map(|_| {

@@ -30,7 +30,7 @@ pub struct ActionLimits {
 /// # Example
 ///
 /// ```
-/// use stridemap_returnmap::{ActionLaw, ActionLimits};
+/// use stridemap_process::{ActionLaw, ActionLimits};
 ///
 /// let limits =
 ///     ActionLimits { lower: 0.0, upper: 6.0, rate_per_stride: 2.0, gain: 0.5, neutral: 0.0 };
@@ -38,7 +38,7 @@ pub struct ActionLimits {
 /// assert_eq!(law.apply(&[10.0])?.as_slice(), [2.0]); // clipped to 6, half way is 3, rate 2
 /// assert_eq!(law.apply(&[4.0])?.as_slice(), [3.0]); // half way
 /// assert_eq!(law.last().as_slice(), [3.0]);
-/// # Ok::<(), stridemap_returnmap::ProcessError>(())
+/// # Ok::<(), stridemap_process::ProcessError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActionLaw {

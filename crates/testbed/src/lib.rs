@@ -1,9 +1,4 @@
-//! One mechanism, two worlds: a walking robot seen once per stride is a noisy map
-//! `x(k+1) = f(x(k), u(k)) + n(k)` \[MA09, eq. (7)\], and so is what was learned of it.
-//!
-//! [`StrideProcess`] is that mechanism. The robot in its plant, the Gaussian-process map fitted to
-//! its strides, and exact maps with known answers all implement it, so that a learner cannot tell
-//! them apart.
+//! Stride-to-stride maps with known answers, for the tests of the other rooms; nothing that is shipped needs them.
 //!
 //! # References
 //!
@@ -21,33 +16,12 @@
 //!   Research 28(8), 2009.
 //! - \[Bert12\] D. P. Bertsekas, *Dynamic programming and optimal control*, vol. II, 4th ed., 2012.
 
-mod action_law;
-mod analysis;
 mod compass_gait;
-mod kick;
-mod learned;
 mod linear_gaussian;
 mod linear_quadratic;
-mod map_config;
-mod process;
-mod return_line;
 mod rimless_wheel;
-mod saved_map;
-mod stability;
 
-pub use action_law::{ActionLaw, ActionLimits};
-pub use analysis::{AnalysisError, MeanMap};
 pub use compass_gait::{CompassGait, CompassGaitParameters};
-pub use kick::{Kick, decay_after_kick};
-pub use learned::{LearnedMap, MapFailure, MapPoint, MapPrediction, MapSample, MapWorld, StateReward};
 pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
-pub use linear_quadratic::{LinearFeedback, linear_quadratic_feedback};
-pub use map_config::{MapConfig, MapDraw, MapInput, MapStart};
-pub use process::{
-    Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
-    clipped_action,
-};
-pub use return_line::ReturnLine;
+pub use linear_quadratic::{LinearFeedback, NoFeedback, linear_quadratic_feedback};
 pub use rimless_wheel::{RimlessWheel, RimlessWheelParameters};
-pub use saved_map::{SavedLeaveOneOut, SavedMap, SavedOutput};
-pub use stability::{FixedPoint, Linearization, fixed_point, linearize};

@@ -9,10 +9,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use stridemap_gp::{Gp, Points, Scratch, check_memory};
+use stridemap_process::{
+    Action, ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
+};
 
-use crate::action_law::{ActionLaw, ActionLimits};
+use crate::error::MapError;
 use crate::map_config::{MapConfig, MapDraw, MapStart};
-use crate::process::{Action, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
 use crate::saved_map::{FORMAT, SavedMap, SavedOutput};
 
 /// One stride of the robot, as the map needs it.
@@ -119,7 +121,7 @@ impl LearnedMap {
     ///
     /// # Errors
     ///
-    /// [`ProcessError::Parameter`] for a configuration outside its domain, [`ProcessError::Map`] if a
+    /// [`MapError::Process`] for a configuration outside its domain, [`MapError::Gp`] if a
     /// Gaussian process cannot be fitted.
     ///
     /// # Cost
@@ -130,7 +132,7 @@ impl LearnedMap {
         world: MapWorld,
         samples: &[MapSample],
         rng: &mut ChaCha8Rng,
-    ) -> Result<Self, ProcessError> {
+    ) -> Result<Self, MapError> {
         let (states, actions) = (world.spec.state.len(), world.spec.action.len());
         config.validate(states, actions)?;
         check_memory(samples.len(), states + usize::from(world.reward.is_none()))?;
@@ -203,8 +205,8 @@ impl LearnedMap {
     ///
     /// # Errors
     ///
-    /// [`ProcessError::Map`] for inputs that are not finite.
-    pub fn predict(&self, state: &[f64], action: &[f64], last_action: &[f64]) -> Result<(State, State), ProcessError> {
+    /// [`MapError::Gp`] for inputs that are not finite.
+    pub fn predict(&self, state: &[f64], action: &[f64], last_action: &[f64]) -> Result<(State, State), MapError> {
         let mut row = Vec::new();
         self.config.input_row(state, action, last_action, &mut row);
         let (mut means, mut variances) = (State::new(), State::new());
@@ -220,13 +222,8 @@ impl LearnedMap {
     ///
     /// # Errors
     ///
-    /// [`ProcessError::Map`] for inputs that are not finite.
-    pub fn predict_all(
-        &self,
-        state: &[f64],
-        action: &[f64],
-        last_action: &[f64],
-    ) -> Result<MapPrediction, ProcessError> {
+    /// [`MapError::Gp`] for inputs that are not finite.
+    pub fn predict_all(&self, state: &[f64], action: &[f64], last_action: &[f64]) -> Result<MapPrediction, MapError> {
         let (means, latent_variances) = self.predict(state, action, last_action)?;
         let reward = match &self.reward {
             None => None,
@@ -254,11 +251,8 @@ impl LearnedMap {
     ///
     /// # Errors
     ///
-    /// [`ProcessError::Map`] for inputs that are not finite.
-    pub fn slopes(
-        &self,
-        moves: &[(MapPoint, MapPoint, f64)],
-    ) -> Result<(DMatrix<f64>, Vec<DMatrix<f64>>), ProcessError> {
+    /// [`MapError::Gp`] for inputs that are not finite.
+    pub fn slopes(&self, moves: &[(MapPoint, MapPoint, f64)]) -> Result<(DMatrix<f64>, Vec<DMatrix<f64>>), MapError> {
         let count = moves.len();
         let dims = self.config.dims(self.world.spec.state.len(), self.world.spec.action.len());
         let mut inputs = Vec::with_capacity(2 * count * dims);
@@ -293,8 +287,8 @@ impl LearnedMap {
     ///
     /// # Errors
     ///
-    /// [`ProcessError::Map`] if the leave-one-out scores cannot be computed.
-    pub fn to_saved(&self, iteration: usize) -> Result<SavedMap, ProcessError> {
+    /// [`MapError::Gp`] if the leave-one-out scores cannot be computed.
+    pub fn to_saved(&self, iteration: usize) -> Result<SavedMap, MapError> {
         let spec = &self.world.spec;
         let mut names: Vec<String> = spec.state.iter().map(|d| d.name.clone()).collect();
         let action: Vec<String> = spec.action.iter().map(|d| d.name.clone()).collect();
@@ -325,7 +319,7 @@ impl LearnedMap {
     }
 
     /// Draws from one output at the prepared input row.
-    fn draw(&mut self, output: Output, rng: &mut ChaCha8Rng) -> Result<f64, ProcessError> {
+    fn draw(&mut self, output: Output, rng: &mut ChaCha8Rng) -> Result<f64, MapError> {
         let gp = match output {
             Output::Component(i) => &self.outputs[i],
             Output::Reward(ref gp) => gp.as_ref(),

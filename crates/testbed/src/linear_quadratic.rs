@@ -2,7 +2,17 @@
 
 use nalgebra::DMatrix;
 
-use crate::AnalysisError;
+/// Why there is no feedback.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoFeedback(pub &'static str);
+
+impl std::fmt::Display for NoFeedback {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the Riccati iteration found no feedback: {}", self.0)
+    }
+}
+
+impl std::error::Error for NoFeedback {}
 
 /// The optimal feedback `u = K x` and the matrix of its cost-to-go `xᵀ P x`.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +41,8 @@ pub struct LinearFeedback {
 ///
 /// # Errors
 ///
-/// [`AnalysisError::Length`] if sizes do not agree, [`AnalysisError::Riccati`] if `R + Bᵀ M B` is
-/// not positive or 10 000 iterations do not converge to a part in 10¹².
+/// [`NoFeedback`] if sizes do not agree, `R + Bᵀ M B` is not positive, or 10 000 iterations do not
+/// converge to a part in 10¹².
 ///
 /// # Example
 ///
@@ -40,7 +50,7 @@ pub struct LinearFeedback {
 ///
 /// ```
 /// # use nalgebra::dmatrix;
-/// # use stridemap_returnmap::linear_quadratic_feedback;
+/// # use stridemap_testbed::linear_quadratic_feedback;
 /// let best = linear_quadratic_feedback(
 ///     &dmatrix![0.8], &dmatrix![-0.2], &dmatrix![1.0], &dmatrix![0.0], 0.95)?;
 /// assert!((best.gain[0] - 4.0).abs() < 1e-12);
@@ -48,7 +58,7 @@ pub struct LinearFeedback {
 /// let one = dmatrix![1.0];
 /// let best = linear_quadratic_feedback(&one, &one, &one, &one, 1.0)?;
 /// assert!((best.cost_to_go[0] - (5f64.sqrt() - 1.0) / 2.0).abs() < 1e-12);
-/// # Ok::<(), stridemap_returnmap::AnalysisError>(())
+/// # Ok::<(), stridemap_testbed::NoFeedback>(())
 /// ```
 pub fn linear_quadratic_feedback(
     a: &DMatrix<f64>,
@@ -56,24 +66,16 @@ pub fn linear_quadratic_feedback(
     state_cost: &DMatrix<f64>,
     action_cost: &DMatrix<f64>,
     discount: f64,
-) -> Result<LinearFeedback, AnalysisError> {
+) -> Result<LinearFeedback, NoFeedback> {
     const MOST_ITERATIONS: usize = 10_000;
     const TOLERANCE: f64 = 1e-12;
     let (n, m) = (a.nrows(), b.ncols());
-    for (quantity, found, expected) in [
-        ("columns of A", a.ncols(), n),
-        ("rows of B", b.nrows(), n),
-        ("rows of Q", state_cost.nrows(), n),
-        ("columns of Q", state_cost.ncols(), n),
-        ("rows of R", action_cost.nrows(), m),
-        ("columns of R", action_cost.ncols(), m),
-    ] {
-        if found != expected {
-            return Err(AnalysisError::Length { quantity, expected, found });
-        }
+    let (square, inputs) = ((n, n), (m, m));
+    if (a.shape(), b.nrows(), state_cost.shape(), action_cost.shape()) != (square, n, square, inputs) {
+        return Err(NoFeedback("the sizes of A, B, Q and R do not agree"));
     }
     if !(0.0..=1.0).contains(&discount) {
-        return Err(AnalysisError::Riccati { reason: "the discount must be from 0 to 1" });
+        return Err(NoFeedback("the discount must be from 0 to 1"));
     }
     let mut p = DMatrix::zeros(n, n);
     for _ in 0..MOST_ITERATIONS {
@@ -85,14 +87,14 @@ pub fn linear_quadratic_feedback(
         let change = (&next - &p).amax();
         p = next;
         if !change.is_finite() {
-            return Err(AnalysisError::Riccati { reason: "the cost-to-go is not finite" });
+            return Err(NoFeedback("the cost-to-go is not finite"));
         }
         if change <= TOLERANCE * p.amax().max(f64::MIN_POSITIVE) {
             let gain = greedy_gain(a, b, &(state_cost + discount * &p), action_cost)?;
             return Ok(LinearFeedback { gain, cost_to_go: p });
         }
     }
-    Err(AnalysisError::Riccati { reason: "no convergence; is the map stabilisable?" })
+    Err(NoFeedback("no convergence; is the map stabilisable?"))
 }
 
 /// K = −(R + Bᵀ M B)⁻¹ Bᵀ M A.
@@ -101,14 +103,14 @@ fn greedy_gain(
     b: &DMatrix<f64>,
     m_matrix: &DMatrix<f64>,
     action_cost: &DMatrix<f64>,
-) -> Result<DMatrix<f64>, AnalysisError> {
+) -> Result<DMatrix<f64>, NoFeedback> {
     let curvature = action_cost + b.transpose() * m_matrix * b;
     if curvature.iter().any(|v| !v.is_finite()) {
-        return Err(AnalysisError::Riccati { reason: "A, B, Q or R is not finite" });
+        return Err(NoFeedback("A, B, Q or R is not finite"));
     }
-    let cholesky = curvature.cholesky().ok_or(AnalysisError::Riccati {
-        reason: "R + Bᵀ M B is not positive: some action has neither cost nor effect",
-    })?;
+    let cholesky = curvature
+        .cholesky()
+        .ok_or(NoFeedback("R + Bᵀ M B is not positive: some action has neither cost nor effect"))?;
     Ok(-cholesky.solve(&(b.transpose() * m_matrix * a)))
 }
 

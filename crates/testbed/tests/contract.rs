@@ -4,9 +4,10 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_returnmap::{
-    CompassGait, CompassGaitParameters, LinearGaussianMap, LinearGaussianParameters, MeanMap, ProcessError,
-    RimlessWheel, RimlessWheelParameters, Stride, StrideEnd, StrideProcess,
+use stridemap_process::{MeanMap, ProcessError, Stride, StrideEnd, StrideProcess};
+use stridemap_testbed::{
+    CompassGait, CompassGaitParameters, LinearGaussianMap, LinearGaussianParameters, RimlessWheel,
+    RimlessWheelParameters,
 };
 
 fn linear() -> LinearGaussianMap {

@@ -3,16 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
-
-use crate::{
-    Action, ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride,
-    StrideEnd, StrideProcess, clipped_action, linear_quadratic_feedback,
+use stridemap_process::{
+    Action, ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
+    StrideProcess, clipped_action,
 };
 
+use crate::linear_quadratic::{NoFeedback, linear_quadratic_feedback};
+
 /// Parameters of a [`LinearGaussianMap`]; n states, m actions, no units.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LinearGaussianParameters {
     /// A, n rows of n.
     pub a: Vec<Vec<f64>>,
@@ -67,7 +66,7 @@ impl LinearGaussianParameters {
 /// # Example
 ///
 /// ```
-/// # use stridemap_returnmap::*;
+/// # use stridemap_testbed::*;
 /// let mut quiet = LinearGaussianParameters::stepping();
 /// quiet.noise_std = vec![0.0];
 /// let map = LinearGaussianMap::new(quiet)?;
@@ -76,7 +75,7 @@ impl LinearGaussianParameters {
 /// assert!((best.gain[(0, 0)] - 0.78 / 0.137).abs() < 1e-9);
 /// assert!((best.action_at(&[2.0])[0] - 2.0).abs() < 1e-9);
 /// assert!(best.value(&[5.0]).abs() < 1e-9);
-/// # Ok::<(), AnalysisError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct LinearGaussianMap {
@@ -123,56 +122,43 @@ impl LinearGaussianMap {
     ///
     /// # Errors
     ///
-    /// [`AnalysisError::Length`], [`AnalysisError::NotFinite`], or [`ProcessError::Parameter`] in
-    /// [`AnalysisError::Process`], naming the parameter.
-    pub fn new(parameters: LinearGaussianParameters) -> Result<Self, AnalysisError> {
+    /// [`ProcessError::Length`] or [`ProcessError::Parameter`] naming the parameter.
+    pub fn new(parameters: LinearGaussianParameters) -> Result<Self, ProcessError> {
         let p = &parameters;
         let (n, m) = (p.a.len(), p.action_bounds.len());
-        let length = |quantity, found, expected| {
-            if found == expected { Ok(()) } else { Err(AnalysisError::Length { quantity, expected, found }) }
-        };
-        for row in &p.a {
-            length("a row of a", row.len(), n)?;
-        }
-        length("b", p.b.len(), n)?;
-        for row in &p.b {
-            length("a row of b", row.len(), m)?;
-        }
-        length("action_cost", p.action_cost.len(), m)?;
-        for (quantity, values) in [
-            ("offset", &p.offset),
-            ("noise_std", &p.noise_std),
-            ("target", &p.target),
-            ("state_cost", &p.state_cost),
-            ("initial_mean", &p.initial_mean),
-            ("initial_std", &p.initial_std),
-        ] {
-            length(quantity, values.len(), n)?;
-        }
-        let numbers = p.a.iter().chain(&p.b).chain([&p.offset, &p.target, &p.initial_mean]);
-        for (index, &value) in numbers.flatten().enumerate() {
-            if !value.is_finite() {
-                return Err(AnalysisError::NotFinite { quantity: "a, b, ...", index, value });
+        let rows =
+            p.a.iter()
+                .map(|row| ("a row of a", row.len(), n))
+                .chain(p.b.iter().map(|row| ("a row of b", row.len(), m)));
+        let vectors = [
+            ("offset", &p.offset, f64::MIN, n),
+            ("target", &p.target, f64::MIN, n),
+            ("initial_mean", &p.initial_mean, f64::MIN, n),
+            ("noise_std", &p.noise_std, 0.0, n),
+            ("state_cost", &p.state_cost, 0.0, n),
+            ("action_cost", &p.action_cost, 0.0, m),
+            ("initial_std", &p.initial_std, 0.0, n),
+        ];
+        let lengths = vectors.iter().map(|(what, values, _, expected)| (*what, values.len(), *expected));
+        for (what, found, expected) in rows.chain(lengths).chain([("b", p.b.len(), n)]) {
+            if found != expected {
+                return Err(ProcessError::Length { what, expected, found });
             }
         }
-        for (name, values) in [
-            ("noise_std", &p.noise_std),
-            ("state_cost", &p.state_cost),
-            ("action_cost", &p.action_cost),
-            ("initial_std", &p.initial_std),
-        ] {
-            for &value in values {
-                if !(value.is_finite() && value >= 0.0) {
-                    let requirement = "must be finite and not negative";
-                    return Err(ProcessError::Parameter { name, value, requirement }.into());
-                }
+        let matrices = p.a.iter().chain(&p.b).map(|row| ("a, b", row, f64::MIN, n));
+        for (name, values, least, _) in matrices.chain(vectors) {
+            if let Some(&value) = values.iter().find(|v| !(v.is_finite() && **v >= least)) {
+                return Err(ProcessError::Parameter {
+                    name,
+                    value,
+                    requirement: "must be finite, and a cost or spread not negative",
+                });
             }
         }
         for &[lower, upper] in &p.action_bounds {
             if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
                 let requirement = "bounds must be finite, the lower one first";
-                let name = "action_bounds";
-                return Err(ProcessError::Parameter { name, value: lower, requirement }.into());
+                return Err(ProcessError::Parameter { name: "action_bounds", value: lower, requirement });
             }
         }
         let spec = ProcessSpec {
@@ -198,14 +184,14 @@ impl LinearGaussianMap {
     ///
     /// # Errors
     ///
-    /// [`AnalysisError::Riccati`] if there is none.
-    pub fn optimal(&self, discount: f64) -> Result<QuadraticValue, AnalysisError> {
+    /// [`NoFeedback`] if there is none.
+    pub fn optimal(&self, discount: f64) -> Result<QuadraticValue, NoFeedback> {
         let s = self.system();
         let feedback = linear_quadratic_feedback(&s.a, &s.b, &s.q, &s.r, discount)?;
         let (gain, p_matrix) = (feedback.gain, feedback.cost_to_go);
         let m_matrix = &s.q + discount * &p_matrix;
         let curvature = &s.r + s.b.transpose() * &m_matrix * &s.b;
-        let inverse = curvature.try_inverse().ok_or(AnalysisError::Riccati { reason: "R + Bᵀ M B is singular" })?;
+        let inverse = curvature.try_inverse().ok_or(NoFeedback("R + Bᵀ M B is singular"))?;
         // In y = x − x_d, y′ = A y + B u + d.
         let d = &s.a * &s.target + &s.offset - &s.target;
         let mut p = DVector::zeros(s.target.len());
@@ -237,14 +223,14 @@ impl LinearGaussianMap {
     ///
     /// # Errors
     ///
-    /// [`AnalysisError::Riccati`] if the value is infinite.
+    /// [`NoFeedback`] if the value is infinite.
     pub fn evaluate(
         &self,
         gain: &DMatrix<f64>,
         offset: &DVector<f64>,
         std: &DVector<f64>,
         discount: f64,
-    ) -> Result<QuadraticValue, AnalysisError> {
+    ) -> Result<QuadraticValue, NoFeedback> {
         let s = self.system();
         let n = s.target.len();
         let closed = &s.a + &s.b * gain;
@@ -273,7 +259,7 @@ impl LinearGaussianMap {
             + std.iter().enumerate().map(|(j, v)| by_action[(j, j)] * v * v).sum::<f64>();
         let constant = per_stride / (1.0 - discount);
         if !(converged && constant.is_finite()) {
-            return Err(AnalysisError::Riccati { reason: "the policy's value is infinite" });
+            return Err(NoFeedback("the policy's value is infinite"));
         }
         Ok(QuadraticValue {
             gain: gain.clone(),
@@ -323,11 +309,11 @@ struct System {
 }
 
 impl MeanMap for LinearGaussianMap {
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, AnalysisError> {
+    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError> {
         let expected = self.spec.state.len();
         if state.len() != expected {
             let found = state.len();
-            return Err(AnalysisError::Length { quantity: "state", expected, found });
+            return Err(ProcessError::Length { what: "state", expected, found });
         }
         Ok(self.mean(state, &clipped_action(&self.spec, action)?))
     }
@@ -381,8 +367,8 @@ impl StrideProcess for LinearGaussianMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ReturnLine, fixed_point};
     use rand::SeedableRng;
+    use stridemap_map::{ReturnLine, fixed_point};
 
     fn planar() -> LinearGaussianMap {
         LinearGaussianMap::new(LinearGaussianParameters {

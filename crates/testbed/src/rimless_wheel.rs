@@ -2,16 +2,13 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
-
-use crate::{
-    ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
-    StrideProcess, clipped_action,
+use stridemap_process::{
+    ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
+    clipped_action,
 };
 
 /// Parameters of a [`RimlessWheel`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RimlessWheelParameters {
     /// Length of a spoke; positive.
     pub spoke_m: f64,
@@ -68,14 +65,16 @@ impl Default for RimlessWheelParameters {
 /// # Example
 ///
 /// ```
-/// # use stridemap_returnmap::*;
+/// # use stridemap_map::*;
+/// # use stridemap_process::*;
+/// # use stridemap_testbed::*;
 /// let wheel = RimlessWheel::new(RimlessWheelParameters::default())?;
 /// let found = fixed_point(&wheel, &|_| Action::from_slice(&[0.0]), &[1.5], &[1e-4])?;
 /// // α = π/8: η = cos(π/4), so η² = 1/2 and Ω*² = c = 4 g/ℓ sin α sin ι.
 /// let c = 4.0 * 9.81 * f64::sin(std::f64::consts::PI / 8.0) * f64::sin(0.08);
 /// assert!((found.state[0] - c.sqrt()).abs() < 1e-9);
 /// assert!((found.multipliers[0].re - 0.5).abs() < 1e-7);
-/// # Ok::<(), AnalysisError>(())
+/// # Ok::<(), MapError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct RimlessWheel {
@@ -174,15 +173,15 @@ impl RimlessWheel {
 }
 
 impl MeanMap for RimlessWheel {
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, AnalysisError> {
+    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError> {
         let &[speed] = state else {
             let found = state.len();
-            return Err(AnalysisError::Length { quantity: "state", expected: 1, found });
+            return Err(ProcessError::Length { what: "state", expected: 1, found });
         };
         let action = clipped_action(&self.spec, action)?;
         match self.step(speed, self.parameters.slope_rad, action[0]) {
             Ok(next) => Ok(State::from_slice(&[next])),
-            Err(end) => Err(AnalysisError::NoReturn { end }),
+            Err(end) => Err(ProcessError::NoReturn { end }),
         }
     }
 }
@@ -220,8 +219,9 @@ impl StrideProcess for RimlessWheel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Action, ReturnLine, fixed_point};
     use rand::SeedableRng;
+    use stridemap_map::{ReturnLine, fixed_point};
+    use stridemap_process::Action;
 
     fn wheel(change: impl Fn(&mut RimlessWheelParameters)) -> RimlessWheel {
         let mut parameters = RimlessWheelParameters::default();
@@ -281,7 +281,7 @@ mod tests {
     fn slow_wheels_stall_and_fast_ones_fly() {
         let wheel = wheel(|_| ());
         let no_return = |speed| match wheel.mean_next_state(&[speed], &[0.0]) {
-            Err(AnalysisError::NoReturn { end }) => end,
+            Err(ProcessError::NoReturn { end }) => end,
             other => panic!("{other:?}"),
         };
         assert_eq!(no_return(0.3), StrideEnd::NoCrossing);

@@ -3,11 +3,9 @@
 use nalgebra::{Matrix2, Vector2};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
-
-use crate::{
-    Action, ActionDimension, AnalysisError, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride,
-    StrideEnd, StrideProcess, clipped_action,
+use stridemap_process::{
+    Action, ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
+    StrideProcess, clipped_action,
 };
 
 /// Step of the Runge-Kutta integration: energy over a swing to a part in 10¹⁰.
@@ -19,8 +17,7 @@ const LONGEST_SWING_S: f64 = 3.0;
 const PASSED_RAD: f64 = 1e-3;
 
 /// Parameters of a [`CompassGait`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompassGaitParameters {
     /// Point mass of a leg; positive.
     pub leg_kg: f64,
@@ -78,7 +75,9 @@ impl Default for CompassGaitParameters {
 /// The passive gait on 3° and its stability; state and slopes are known from the literature.
 ///
 /// ```
-/// # use stridemap_returnmap::*;
+/// # use stridemap_map::*;
+/// # use stridemap_process::*;
+/// # use stridemap_testbed::*;
 /// let gait = CompassGait::new(CompassGaitParameters::default())?;
 /// let still = |_: &[f64]| Action::from_slice(&[0.0]);
 /// let found = fixed_point(&gait, &still, &[-0.22, 1.09, 0.38], &[1e-5; 3])?;
@@ -86,7 +85,7 @@ impl Default for CompassGaitParameters {
 ///     assert!((x - known).abs() < 1e-3);
 /// }
 /// assert!(found.spectral_radius() < 1.0);
-/// # Ok::<(), AnalysisError>(())
+/// # Ok::<(), MapError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct CompassGait {
@@ -256,15 +255,15 @@ impl CompassGait {
 }
 
 impl MeanMap for CompassGait {
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, AnalysisError> {
+    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError> {
         if state.len() != 3 {
             let found = state.len();
-            return Err(AnalysisError::Length { quantity: "state", expected: 3, found });
+            return Err(ProcessError::Length { what: "state", expected: 3, found });
         }
         let action = clipped_action(&self.spec, action)?;
         match self.step(state, action[0]) {
             Ok((x, _)) => Ok(State::from_slice(&[x[0], x[2], x[3]])),
-            Err(end) => Err(AnalysisError::NoReturn { end }),
+            Err(end) => Err(ProcessError::NoReturn { end }),
         }
     }
 }
@@ -307,7 +306,7 @@ impl StrideProcess for CompassGait {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FixedPoint, fixed_point};
+    use stridemap_map::{FixedPoint, fixed_point};
 
     fn gait(slope_deg: f64) -> CompassGait {
         CompassGait::new(CompassGaitParameters { slope_rad: slope_deg.to_radians(), ..Default::default() }).unwrap()
@@ -384,7 +383,7 @@ mod tests {
     fn what_cannot_walk_falls_or_stalls() {
         let gait = gait(3.0);
         let end = |state: [f64; 3]| match gait.mean_next_state(&state, &[0.0]) {
-            Err(AnalysisError::NoReturn { end }) => end,
+            Err(ProcessError::NoReturn { end }) => end,
             other => panic!("{other:?}"),
         };
         assert_eq!(end([-0.2, -1.0, 0.0]), StrideEnd::Fell); // backwards

@@ -2,7 +2,9 @@
 
 use nalgebra::{Complex, DMatrix, DVector};
 
-use crate::{Action, AnalysisError, MeanMap, State};
+use stridemap_process::{Action, MeanMap, ProcessError, State};
+
+use crate::error::MapError;
 
 /// A map to first order: `f(x + dx, u + du) ≈ f(x, u) + A dx + B du`.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +48,7 @@ impl FixedPoint {
 ///
 /// # Errors
 ///
-/// [`AnalysisError::Length`] if sizes do not agree; whatever the map answers.
+/// [`ProcessError::Length`] if sizes do not agree; whatever the map answers.
 ///
 /// # Cost
 ///
@@ -57,7 +59,7 @@ pub fn linearize(
     action: &[f64],
     state_steps: &[f64],
     action_steps: &[f64],
-) -> Result<Linearization, AnalysisError> {
+) -> Result<Linearization, MapError> {
     check_length("state_steps", state_steps.len(), state.len())?;
     check_length("action_steps", action_steps.len(), action.len())?;
     let next_state = map.mean_next_state(state, action)?;
@@ -77,7 +79,7 @@ pub fn linearize(
 ///
 /// # Errors
 ///
-/// [`AnalysisError::NoFixedPoint`] if 50 steps do not converge, [`AnalysisError::NotIsolated`] if a
+/// [`MapError::NoFixedPoint`] if 50 steps do not converge, [`MapError::NotIsolated`] if a
 /// multiplier is one; whatever the map answers.
 ///
 /// # Example
@@ -85,24 +87,25 @@ pub fn linearize(
 /// `x′ = 1 + 0.5 x` has its fixed point at 2, with multiplier 0.5.
 ///
 /// ```
-/// # use stridemap_returnmap::*;
+/// # use stridemap_map::*;
+/// # use stridemap_process::*;
 /// struct Line;
 /// impl MeanMap for Line {
-///     fn mean_next_state(&self, x: &[f64], _u: &[f64]) -> Result<State, AnalysisError> {
+///     fn mean_next_state(&self, x: &[f64], _u: &[f64]) -> Result<State, ProcessError> {
 ///         Ok(State::from_slice(&[1.0 + 0.5 * x[0]]))
 ///     }
 /// }
 /// let found = fixed_point(&Line, &|_| Action::new(), &[0.0], &[0.1])?;
 /// assert!((found.state[0] - 2.0).abs() < 1e-9);
 /// assert!((found.multipliers[0].re - 0.5).abs() < 1e-9);
-/// # Ok::<(), AnalysisError>(())
+/// # Ok::<(), MapError>(())
 /// ```
 pub fn fixed_point(
     map: &dyn MeanMap,
     policy: &dyn Fn(&[f64]) -> Action,
     guess: &[f64],
     steps: &[f64],
-) -> Result<FixedPoint, AnalysisError> {
+) -> Result<FixedPoint, MapError> {
     const MOST_ITERATIONS: usize = 50;
     const TOLERANCE_STEPS: f64 = 1e-9;
     check_length("steps", steps.len(), guess.len())?;
@@ -122,26 +125,26 @@ pub fn fixed_point(
             return Ok(FixedPoint { state: x, jacobian, multipliers, iterations });
         }
         let gap = DVector::from_iterator(n, (0..n).map(|i| next[i] - x[i]));
-        let newton = (DMatrix::identity(n, n) - &jacobian).lu().solve(&gap).ok_or(AnalysisError::NotIsolated)?;
+        let newton = (DMatrix::identity(n, n) - &jacobian).lu().solve(&gap).ok_or(MapError::NotIsolated)?;
         for (xi, d) in x.iter_mut().zip(newton.iter()) {
             *xi += d;
         }
         check_finite("Newton step", &x)?;
     }
-    Err(AnalysisError::NoFixedPoint { iterations: MOST_ITERATIONS, residual })
+    Err(MapError::NoFixedPoint { iterations: MOST_ITERATIONS, residual })
 }
 
 /// Central differences of a function, one column per argument.
 fn differences(
     at: &[f64],
     steps: &[f64],
-    f: &mut dyn FnMut(&[f64]) -> Result<State, AnalysisError>,
-) -> Result<DMatrix<f64>, AnalysisError> {
+    f: &mut dyn FnMut(&[f64]) -> Result<State, ProcessError>,
+) -> Result<DMatrix<f64>, MapError> {
     let mut columns = Vec::with_capacity(at.len());
     let mut rows = 0;
     for (j, &h) in steps.iter().enumerate() {
         if !(h > 0.0 && h.is_finite()) {
-            return Err(AnalysisError::NotFinite { quantity: "steps", index: j, value: h });
+            return Err(MapError::NotFinite { quantity: "steps", index: j, value: h });
         }
         let mut moved = State::from_slice(at);
         moved[j] = at[j] + h;
@@ -157,13 +160,13 @@ fn differences(
     Ok(DMatrix::from_vec(rows, at.len(), columns))
 }
 
-fn check_length(quantity: &'static str, found: usize, expected: usize) -> Result<(), AnalysisError> {
-    if found == expected { Ok(()) } else { Err(AnalysisError::Length { quantity, expected, found }) }
+fn check_length(quantity: &'static str, found: usize, expected: usize) -> Result<(), MapError> {
+    if found == expected { Ok(()) } else { Err(ProcessError::Length { what: quantity, expected, found }.into()) }
 }
 
-fn check_finite(quantity: &'static str, values: &[f64]) -> Result<(), AnalysisError> {
+fn check_finite(quantity: &'static str, values: &[f64]) -> Result<(), MapError> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(index) => Err(AnalysisError::NotFinite { quantity, index, value: values[index] }),
+        Some(index) => Err(MapError::NotFinite { quantity, index, value: values[index] }),
     }
 }

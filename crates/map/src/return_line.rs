@@ -1,6 +1,6 @@
 //! The return map of a scalar: a line through pairs (x(k), x(k+2)) \[MA09, fig. 10\].
 
-use crate::AnalysisError;
+use crate::error::MapError;
 
 /// A line fitted to pairs by least squares, with its fixed point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,8 +26,8 @@ impl ReturnLine {
     ///
     /// # Errors
     ///
-    /// [`AnalysisError::TooFewPairs`] below three, [`AnalysisError::NoSpread`] if all x are equal,
-    /// [`AnalysisError::NotFinite`] for NaN or an infinity.
+    /// [`MapError::TooFewPairs`] below three, [`MapError::NoSpread`] if all x are equal,
+    /// [`MapError::NotFinite`] for NaN or an infinity.
     ///
     /// # Example
     ///
@@ -35,23 +35,23 @@ impl ReturnLine {
     /// 1/3 with sum of squares 2/3 and one degree of freedom.
     ///
     /// ```
-    /// # use stridemap_returnmap::ReturnLine;
+    /// # use stridemap_map::ReturnLine;
     /// let line = ReturnLine::fit(&[(0.0, 1.0), (1.0, 1.0), (2.0, 3.0)])?;
     /// assert!((line.slope - 1.0).abs() < 1e-15 && (line.intercept - 2.0 / 3.0).abs() < 1e-15);
     /// assert!((line.residual_std.powi(2) - 2.0 / 3.0).abs() < 1e-12);
     /// assert!((line.slope_std_error.powi(2) - 1.0 / 3.0).abs() < 1e-12); // s² / Σ(x − 1)²
     /// assert!(line.fixed_point().is_err()); // slope one
-    /// # Ok::<(), stridemap_returnmap::AnalysisError>(())
+    /// # Ok::<(), stridemap_map::MapError>(())
     /// ```
-    pub fn fit(pairs: &[(f64, f64)]) -> Result<Self, AnalysisError> {
+    pub fn fit(pairs: &[(f64, f64)]) -> Result<Self, MapError> {
         const NEEDED: usize = 3;
         if pairs.len() < NEEDED {
-            return Err(AnalysisError::TooFewPairs { found: pairs.len(), needed: NEEDED });
+            return Err(MapError::TooFewPairs { found: pairs.len(), needed: NEEDED });
         }
         for (index, &(x, y)) in pairs.iter().enumerate() {
             for value in [x, y] {
                 if !value.is_finite() {
-                    return Err(AnalysisError::NotFinite { quantity: "pairs", index, value });
+                    return Err(MapError::NotFinite { quantity: "pairs", index, value });
                 }
             }
         }
@@ -63,7 +63,7 @@ impl ReturnLine {
         // Spread of rounding only: a part in 10¹³ of the values themselves.
         let magnitude = pairs.iter().map(|p| p.0.abs()).fold(0.0, f64::max);
         if s_xx <= n * (1e-13 * magnitude).powi(2) {
-            return Err(AnalysisError::NoSpread { value: mean_x });
+            return Err(MapError::NoSpread { value: mean_x });
         }
         let slope = s_xy / s_xx;
         let intercept = mean_y - slope * mean_x;
@@ -85,7 +85,7 @@ impl ReturnLine {
     /// # Errors
     ///
     /// As [`fit`](Self::fit).
-    pub fn fit_sequence(states: &[f64], lag: usize) -> Result<Self, AnalysisError> {
+    pub fn fit_sequence(states: &[f64], lag: usize) -> Result<Self, MapError> {
         let pairs: Vec<_> = states.iter().copied().zip(states.iter().skip(lag).copied()).collect();
         Self::fit(&pairs)
     }
@@ -94,11 +94,11 @@ impl ReturnLine {
     ///
     /// # Errors
     ///
-    /// [`AnalysisError::NotIsolated`] for a slope of one, to rounding.
-    pub fn fixed_point(&self) -> Result<f64, AnalysisError> {
+    /// [`MapError::NotIsolated`] for a slope of one, to rounding.
+    pub fn fixed_point(&self) -> Result<f64, MapError> {
         let gap = 1.0 - self.slope;
         if gap.abs() < 1e-12 {
-            return Err(AnalysisError::NotIsolated);
+            return Err(MapError::NotIsolated);
         }
         Ok(self.intercept / gap)
     }
@@ -108,7 +108,7 @@ impl ReturnLine {
     /// # Errors
     ///
     /// As [`fixed_point`](Self::fixed_point).
-    pub fn fixed_point_std_error(&self) -> Result<f64, AnalysisError> {
+    pub fn fixed_point_std_error(&self) -> Result<f64, MapError> {
         let x = self.fixed_point()?;
         // d x = (d intercept + x d slope) / (1 − slope)
         let variance =
@@ -126,12 +126,12 @@ mod tests {
     fn data_that_determine_no_line_are_refused() {
         assert!(matches!(
             ReturnLine::fit(&[(0.0, 0.0), (1.0, 1.0)]),
-            Err(AnalysisError::TooFewPairs { found: 2, needed: 3 })
+            Err(MapError::TooFewPairs { found: 2, needed: 3 })
         ));
-        assert!(matches!(ReturnLine::fit(&[(2.0, 0.0), (2.0, 1.0), (2.0, 3.0)]), Err(AnalysisError::NoSpread { .. })));
+        assert!(matches!(ReturnLine::fit(&[(2.0, 0.0), (2.0, 1.0), (2.0, 3.0)]), Err(MapError::NoSpread { .. })));
         assert!(matches!(
             ReturnLine::fit(&[(2.0, 0.0), (1.0, f64::NAN), (2.0, 3.0)]),
-            Err(AnalysisError::NotFinite { index: 1, .. })
+            Err(MapError::NotFinite { index: 1, .. })
         ));
     }
 
