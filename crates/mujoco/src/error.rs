@@ -36,14 +36,6 @@ pub enum MujocoError {
         /// What MuJoCo or the file system said.
         reason: String,
     },
-    /// A picture could not be made.
-    #[error("{path}: cannot be rendered: {reason}")]
-    Render {
-        /// The picture.
-        path: String,
-        /// What the renderer said.
-        reason: String,
-    },
     /// A name in the configuration is not in the model.
     #[error("{field}: the model has no {what} named {name:?}{}", hint(near))]
     NoSuchName {

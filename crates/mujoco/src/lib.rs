@@ -15,8 +15,6 @@ mod engine;
 mod error;
 mod hardware;
 mod machine;
-#[cfg(feature = "render")]
-pub mod render;
 mod report;
 mod robot;
 mod rotation;

@@ -29,7 +29,7 @@ pub use return_map::{
 pub use samples::{SamplesPoint, samples};
 pub use seeds::{RunCurve, quartiles, runs_compared};
 pub use stepping::{Fig14, fig14};
-pub use strips::{Shot, Solid, Strip, TimeLapse, View, solids, time_lapses};
+pub use strips::{Shot, Strip, TimeLapse, View, time_lapses};
 pub use surface::fig13;
 pub use table::{ComparisonRow, ComparisonTable};
 pub use trust::{SuccessRate, predicted_actual, standardized_residuals, success_against_strides};

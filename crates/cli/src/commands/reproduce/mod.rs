@@ -1,7 +1,5 @@
 //! `reproduce`: the paper's figures from our own runs.
 
-#[cfg(feature = "render")]
-mod rendered;
 mod runs;
 mod samples;
 mod small;
@@ -117,8 +115,7 @@ fn row(what: &str, paper: &str, ours: String, command: &str) -> Row {
     Row { what: what.into(), paper: paper.into(), ours, command: command.into() }
 }
 
-/// Writes the strips' figures that are wanted; with the feature `render` also as pictures of the robots.
-/// Camera and scale are those of all of them, whichever are wanted.
+/// Writes the strips' figures that are wanted, with camera and scale of all of them.
 fn write_strips(
     dir: &Path,
     wanted: &BTreeSet<FigureName>,
@@ -130,12 +127,6 @@ fn write_strips(
     for (figure, name) in drawn.iter().zip(names) {
         if wanted.contains(name) {
             figure.write(dir)?;
-        }
-    }
-    #[cfg(feature = "render")]
-    for (lapse, name) in lapses.iter().zip(names) {
-        if wanted.contains(name) {
-            rendered::write(dir, lapse, lapses, shot)?;
         }
     }
     Ok(())

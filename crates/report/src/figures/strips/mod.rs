@@ -14,7 +14,6 @@
 mod outline;
 mod picture;
 mod silhouette;
-mod solid;
 
 use super::check::some;
 use crate::draw::{Sheet, coord, number, signed, spans};
@@ -25,7 +24,6 @@ use stridemap_record::{Recording, Run};
 use picture::{Stage, picture};
 pub use silhouette::View;
 use silhouette::{Scene, Silhouette};
-pub use solid::{Solid, solids};
 
 /// A robot walking, to be drawn as one strip.
 #[derive(Clone, Debug, PartialEq)]

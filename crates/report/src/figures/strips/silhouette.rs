@@ -112,7 +112,7 @@ pub(crate) struct Scene<'a> {
     torso: usize,
     origin_m: [f64; 2],
     /// Cosine and sine of the heading at the start.
-    pub(super) heading: [f64; 2],
+    heading: [f64; 2],
     tones: Vec<Tone>,
 }
 
@@ -153,7 +153,7 @@ impl<'a> Scene<'a> {
     }
 
     /// A point of the world in the frame of the start: ahead, left, up.
-    pub(super) fn to_start(&self, p: [f64; 3]) -> [f64; 3] {
+    fn to_start(&self, p: [f64; 3]) -> [f64; 3] {
         let (dx, dy) = (p[0] - self.origin_m[0], p[1] - self.origin_m[1]);
         let [c, s] = self.heading;
         [c * dx + s * dy, c * dy - s * dx, p[2]]
@@ -167,7 +167,7 @@ impl<'a> Scene<'a> {
     }
 
     /// The frame nearest to a time since the first one; `None` beyond the end of the recording.
-    pub(super) fn frame_at(&self, time_s: f64) -> Option<&Frame> {
+    fn frame_at(&self, time_s: f64) -> Option<&Frame> {
         let frames = &self.recording.frames;
         let start_s = frames.first()?.time_s;
         let last_s = frames.last()?.time_s - start_s;
