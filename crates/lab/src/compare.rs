@@ -2,11 +2,10 @@
 //! \[MA09, figs. 8 and 9\].
 
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
 use stridemap_process::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
-use stridemap_record::{Iteration, Performance, Spread, StridePhase, StrideRole};
+use stridemap_record::{ComparePoint, Iteration, Performance, Spread, StridePhase, StrideRole};
 
 use crate::algorithm::{Algorithm, NoRecorder};
 use crate::error::LabError;
@@ -17,19 +16,6 @@ use crate::task::Task;
 
 /// Strides over which a frozen policy is measured on the robot.
 pub const STRIDES_PER_POINT: usize = 20;
-
-/// One point of the two learning curves.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ComparePoint {
-    /// Trials learned; 0 is before any.
-    pub trial: usize,
-    /// Learned in the Gaussian-process map.
-    pub gp: Spread,
-    /// Learned on the robot itself.
-    pub full: Spread,
-    /// Two-sided Student's t-test of equal means, pooled variance; null where undefined.
-    pub p_value: Option<f64>,
-}
 
 /// Both arms of one seed.
 #[derive(Clone, Debug)]

@@ -61,7 +61,7 @@ pub use algorithm::{Algorithm, NoRecorder, Progress, Recorder, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
-pub use compare::{ComparePoint, CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
+pub use compare::{CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
 pub use error::{Invalid, LabError};
 pub use fall::FailureConfig;
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};

@@ -42,7 +42,7 @@ pub use error::RecordError;
 pub use events::{EVENTS, EVENTS_HEADER, FELL_IN_START, Stop, append_event, event_line, falls_in_starts};
 pub use iteration::{Checkpoint, GuardWarning, InPlace, Iteration, Phase, Proof, Region, Seconds, Verdict, Warning};
 pub use learning::{LearningRow, World};
-pub use measured::{Measured, Performance, Spread, Walk, WalkTimes};
+pub use measured::{ComparePoint, Measured, Performance, Spread, Walk, WalkTimes};
 pub use poses::{Frame, Pace, Recording};
 pub use provenance::{Asked, Provenance, key_differences};
 pub use push::{PushOutcome, PushPair};

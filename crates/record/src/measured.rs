@@ -241,6 +241,19 @@ impl Spread {
     }
 }
 
+/// One point of two learning curves, over seeds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ComparePoint {
+    /// Trials learned; 0 is before any.
+    pub trial: usize,
+    /// Learned in the Gaussian-process map.
+    pub gp: Spread,
+    /// Learned on the robot itself.
+    pub full: Spread,
+    /// Two-sided Student's t-test of equal means, pooled variance; null where undefined.
+    pub p_value: Option<f64>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

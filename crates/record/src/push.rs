@@ -23,7 +23,7 @@ pub struct PushPair {
 }
 
 /// What pushes showed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PushOutcome {
     /// Slope of the line through the pairs; null with fewer than three pairs.
     pub slope: Option<f64>,

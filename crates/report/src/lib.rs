@@ -4,14 +4,12 @@
 //! A [`Run`](stridemap_record::Run) is a run directory read as far as it goes; [`write_report`] makes one page of one or several.
 //!
 //! ```
-//! use stridemap_report::figures::{SuccessRate, success_against_strides};
+//! use stridemap_report::figures::{SamplesPoint, samples};
 //!
-//! let figure = success_against_strides(&[
-//!     SuccessRate { strides: 40, successes: 8, runs: 10 },
-//!     SuccessRate { strides: 80, successes: 10, runs: 10 },
-//! ])?;
-//! assert!(figure.caption.contains("8 of 10 at 40, 10 of 10 at 80"));
-//! assert!(figure.csv.starts_with("strides,successes,runs,share,wilson_low,wilson_high\n40,8,10,0.8,"));
+//! let point = SamplesPoint { samples: 20, seed: 1, error: 0.5, unseen_error: 0.9, speed_m_s: Some(0.3), falls: 0 };
+//! let figure = samples(&[point])?;
+//! assert!(figure.caption.contains("(20: 0.5 and 0.9, 0.300 m/s). 0 falls in 1 runs"));
+//! assert_eq!(figure.csv, "samples,seed,error,unseen_error,speed_m_s,falls\n20,1,0.5,0.9,0.3,0\n");
 //! # Ok::<(), stridemap_report::ReportError>(())
 //! ```
 
@@ -26,5 +24,5 @@ mod view;
 pub use error::{ReportError, Result};
 pub use figure::{Figure, HoverPoint, write_aside};
 pub use page::{report_html, write_report};
-pub use report::{Section, comparison, sections, write_figures};
+pub use report::{Section, sections, write_figures};
 pub use view::{RERUN_STREAM, view_lines, write_mcap};

@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 
 use crate::error::{ReportError, Result};
 use crate::figure::write_aside;
-use stridemap_record::{Frame, Recording, Run, StrideRole, Transition};
+use stridemap_record::{Recording, Run, StrideRole, Transition};
 use stridemap_robot::{Pose, Shape, ShapeKind};
 
 /// How far the nominal robot stands beside the final one, so that both can be seen at once.
@@ -118,7 +118,7 @@ fn messages(run: &Run) -> Log {
 fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) {
     let tf = log.channel(format!("/{what}/tf"), "foxglove.FrameTransforms");
     let feet = log.channel(format!("/{what}/feet"), "stridemap.Feet");
-    let torso = recording.shapes.iter().max_by(|a, b| volume(a).total_cmp(&volume(b)));
+    let torso = recording.torso();
     let mut step = 0;
     for frame in &recording.frames {
         step += usize::from(frame.crossing);
@@ -142,7 +142,7 @@ fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) 
             frame.time_s,
             step,
             json!({
-                "torso_m": torso.and_then(|s| middle(s, frame)).map(|[x, y, z]| [x, y + left_m, z]),
+                "torso_m": torso.and_then(|s| frame.point_m(s, [0.0; 3])).map(|[x, y, z]| [x, y + left_m, z]),
                 "left_load_n": frame.loads_n[0],
                 "right_load_n": frame.loads_n[1],
                 "centre_of_pressure_m": frame.cop_m.map(|[x, y]| [x, y + left_m]),
@@ -156,30 +156,6 @@ fn add_recording(log: &mut Log, what: &str, recording: &Recording, left_m: f64) 
     let entities: Vec<Value> =
         recording.shapes.iter().enumerate().map(|(i, shape)| entity(what, i, shape, begin_s)).collect();
     log.push(scene, begin_s, 0, json!({ "deletions": [], "entities": entities }));
-}
-
-/// Volume of a shape, cubic metres; the largest one is the torso, where pushes act.
-fn volume(shape: &Shape) -> f64 {
-    use std::f64::consts::PI;
-    match shape.kind {
-        ShapeKind::Box { half_extents_m: [x, y, z] } => 8.0 * x * y * z,
-        ShapeKind::Sphere { radius_m: r } => 4.0 / 3.0 * PI * r.powi(3),
-        ShapeKind::Ellipsoid { semi_axes_m: [x, y, z] } => 4.0 / 3.0 * PI * x * y * z,
-        ShapeKind::Capsule { radius_m: r, half_length_m: h } => PI * r * r * (2.0 * h + 4.0 / 3.0 * r),
-        ShapeKind::Cylinder { radius_m: r, half_length_m: h } => 2.0 * PI * r * r * h,
-    }
-}
-
-/// Where the middle of a shape is in a frame: p + v + 2 w (u × v) + 2 u × (u × v) for its body's position p
-/// and orientation (w, u), and its place v in the body.
-fn middle(shape: &Shape, frame: &Frame) -> Option<[f64; 3]> {
-    let [x, y, z, w, a, b, c] = *frame.poses.get(shape.body)?;
-    let cross = |[a, b, c]: [f64; 3], [x, y, z]: [f64; 3]| [b * z - c * y, c * x - a * z, a * y - b * x];
-    let (u, v) = ([a, b, c], shape.pose.position_m);
-    let first = cross(u, v);
-    let second = cross(u, first);
-    let at = |p: f64, i: usize| p + v[i] + 2.0 * (w * first[i] + second[i]);
-    Some([at(x, 0), at(y, 1), at(z, 2)])
 }
 
 /// A shape as a scene entity that moves with its body's frame.
@@ -311,7 +287,7 @@ fn compose(mut log: Log) -> std::result::Result<Vec<u8>, mcap::McapError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stridemap_record::Columns;
+    use stridemap_record::{Columns, Frame};
     use stridemap_robot::Side;
 
     fn run() -> Run {
@@ -332,14 +308,8 @@ mod tests {
             pose: Pose { position_m: [0.0; 3], orientation: [1.0, 0.0, 0.0, 0.0] },
             rgba: [1.0, 0.0, 0.0, 1.0],
         };
-        let frame = |time_s: f64| Frame {
-            time_s,
-            poses: vec![[1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]],
-            cop_m: None,
-            loads_n: [1.0, 2.0],
-            crossing: false,
-            push_n: None,
-        };
+        let poses = || vec![[1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]];
+        let frame = |time_s: f64| Frame { time_s, poses: poses(), loads_n: [1.0, 2.0], ..Frame::default() };
         let recording =
             Recording { format: 1, shapes: vec![shape], period_s: 0.02, frames: vec![frame(4.0), frame(4.02)] };
         Run {
@@ -383,19 +353,5 @@ mod tests {
             .filter(|m: &Value| m["topic"] == "/learning/section")
             .collect();
         assert_eq!((&learning[1]["step"], &learning[1]["time_s"]), (&json!(1), &json!(1.0)));
-    }
-
-    #[test]
-    fn a_push_acts_at_the_middle_of_the_turned_torso() {
-        let mut run = run();
-        let (_, recording) = &mut run.recordings[0];
-        recording.shapes[0].pose.position_m = [0.0, 0.0, 0.5];
-        // A quarter turn about x takes z to -y.
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        recording.frames[0].poses[0] = [1.0, 2.0, 3.0, half, half, 0.0, 0.0];
-        let at = middle(&recording.shapes[0], &recording.frames[0]).unwrap();
-        for (found, wanted) in at.iter().zip([1.0, 1.5, 3.0]) {
-            assert!((found - wanted).abs() < 1e-12, "{at:?}");
-        }
     }
 }

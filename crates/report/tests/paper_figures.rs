@@ -55,7 +55,8 @@ fn fig9_counts_its_rug() {
 
 #[test]
 fn fig10_gives_slope_and_fixed_point_of_each() {
-    let figure = fig10(&fig10_data()).unwrap();
+    let [nominal, learned] = pushed();
+    let figure = fig10(&[("nominal gait", &nominal), ("learned policy", &learned)], Some(2.0)).unwrap();
     figure.write(&gallery()).unwrap();
     assert!(figure.caption.contains("nominal gait: slope 0.66, fixed point 3.02 deg (n = 39 pairs, 1 fall)"));
     assert!(figure.caption.contains("learned policy: slope 0.12, fixed point 2.03 deg (n = 39 pairs, no fall)"));
@@ -80,10 +81,10 @@ fn bad_data_are_refused_by_name() {
         Err(ReportError::NotFinite { column, index: 3, .. }) if column == "std"
     ));
     let mut data = fig9_data();
-    data.gp.sd.pop();
+    data.gp.spread.pop();
     assert!(matches!(
         fig9(&data),
-        Err(ReportError::Shape { column, found: 60, expected: 61, .. }) if column == "gp.sd"
+        Err(ReportError::Shape { column, found: 60, expected: 61, .. }) if column == "gp.mean"
     ));
     let empty = Fig8 { trials: Vec::new(), seeds: 0, strides: 0 };
     assert!(matches!(fig8(&empty), Err(ReportError::Empty { .. })));

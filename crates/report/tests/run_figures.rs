@@ -8,7 +8,10 @@ use common::run::{Faults, write_run};
 use std::path::Path;
 use stridemap_process::StrideEnd;
 use stridemap_record::grid::{MapGrid, PolicyGrid};
-use stridemap_record::{Columns, GuardWarning, Region, ReturnMapLine, Run, StridePhase, Verdict, Warning};
+use stridemap_record::{
+    Columns, GuardWarning, IterationSummary, Performance, Proof, Region, ReturnMapLine, Run, StridePhase, Summary,
+    Transition, Verdict, Warning,
+};
 use stridemap_report::figures::*;
 use stridemap_report::*;
 
@@ -96,7 +99,10 @@ fn one_stride_is_enough_for_a_picture() {
     let (_dir, run) = run(Faults { one_stride: true, ..Faults::default() });
     let sections = sections(&run);
     assert!(figure(&sections, "learning").caption.contains("(n = 1 stride,"));
-    assert_eq!(sections[1].notes, ["The run has no policy yet.", "The run has no map yet."]);
+    assert_eq!(
+        sections[1].notes,
+        ["Policy: not drawn, the run has no policy yet.", "Map: not drawn, the run has no map yet."]
+    );
 }
 
 #[test]
@@ -108,23 +114,12 @@ fn several_runs_share_their_axes() {
             Run::read(dir.path()).unwrap()
         })
         .collect();
-    let figure = comparison(&runs).unwrap();
+    let figure = runs_compared(&runs).unwrap();
     assert!(figure.caption.contains("(n = 3 runs), 1 fall while"));
     // Five points and 240 trials of each run, and five medians with their quartiles.
     assert_eq!(figure.csv.lines().count(), 1 + 3 * (5 + 240) + 5);
     assert!(figure.caption.contains("Thick line: median over the runs"));
     figure.write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery")).unwrap();
-}
-
-#[test]
-fn success_carries_its_interval() {
-    let rate = |strides, successes| SuccessRate { strides, successes, runs: 100 };
-    let figure =
-        success_against_strides(&[rate(80, 99), rate(20, 41), rate(40, 83), rate(60, 94), rate(100, 100)]).unwrap();
-    figure.write(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery")).unwrap();
-    assert!(figure.caption.contains("41 of 100 at 20, 83 of 100 at 40"));
-    // Wilson for 99 of 100: 0.9455 to 0.9982.
-    assert!(figure.csv.contains("80,99,100,0.99,0.9455") && figure.csv.contains(",0.9982"));
 }
 
 #[test]
@@ -173,86 +168,75 @@ fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
         }
     }
     let gallery = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery/walking");
-    let figure =
-        policy(&PolicyFigure { iteration: 2, columns: columns.clone(), grid: grid.clone(), ..PolicyFigure::default() })
-            .unwrap();
+    let mut run = Run { columns, policies: vec![(2, grid)], grids: vec![(2, map)], ..Run::default() };
+    let figure = policy(&run).unwrap();
     assert_eq!(figure.svg.matches("class=\"panel\"").count(), 6);
     figure.write(&gallery).unwrap();
-    let data = MapFigure { iteration: 2, columns: columns.clone(), grid: map, strides: Vec::new() };
-    let slices = map_slices(&data).unwrap();
+    let slices = map_slices(&run).unwrap();
     assert_eq!(slices.svg.matches("class=\"panel\"").count(), 9);
     slices.write(&gallery).unwrap();
-    map_surface(&data).unwrap().write(&gallery).unwrap();
+    map_surface(&run).unwrap().write(&gallery).unwrap();
 
     // A column too few is refused, not drawn.
-    grid.std.pop();
-    let short = PolicyFigure { iteration: 2, columns, grid, ..PolicyFigure::default() };
-    assert!(matches!(policy(&short), Err(ReportError::Shape { found: 1, expected: 2, .. })));
+    run.policies[0].1.std.pop();
+    assert!(matches!(policy(&run), Err(ReportError::Shape { found: 1, expected: 2, .. })));
 }
 
 #[test]
 fn the_spread_over_seeds_is_that_of_the_textbook() {
-    let curve = |name: &str, last: f64| RunCurve {
-        name: name.into(),
-        nominal: Some(-0.1),
-        iterations: vec![(20.0, last)],
-        ..RunCurve::default()
+    let run = |name: &str, last: f64| {
+        let iteration = IterationSummary { strides_so_far: 20, mean_reward: Some(last), ..Default::default() };
+        let summary = Summary { iterations: vec![iteration], ..Summary::default() };
+        Run { name: name.into(), summary: Some(summary), ..Run::default() }
     };
-    let runs = [curve("a", -0.01), curve("b", -0.02), curve("c", -0.04)];
-    let figure = runs_compared(&runs, "mean reward").unwrap();
+    let runs = [run("a", -0.01), run("b", -0.02), run("c", -0.04)];
+    let figure = runs_compared(&runs).unwrap();
     // Quartiles of three values lie half-way to the median.
     assert!(figure.csv.contains("median,robot,20,-0.02,-0.03,-0.015,3\n"), "{}", figure.csv);
     // Two runs have no spread.
-    let two = runs_compared(&runs[..2], "mean reward").unwrap();
+    let two = runs_compared(&runs[..2]).unwrap();
     assert!(!two.csv.contains("median") && !two.caption.contains("median"));
-    assert!(runs_compared(&[], "mean reward").is_err());
+    assert!(runs_compared(&[]).is_err());
 }
 
 #[test]
 fn actions_show_the_trust_region_and_the_warnings_of_the_guard() {
-    let (_dir, run) = run(Faults { fall: true, ..Faults::default() });
-    let mut strides = run.transitions.clone();
-    strides[50].phase = StridePhase::Evaluate;
-    let known = ActionIteration {
-        iteration: 3,
-        region: Some(Region { lower: vec![0.5], upper: vec![2.5] }),
-        verdict: Some(Verdict::Warned),
-        warnings: vec![GuardWarning { stride: 11, warning: Warning::Turn }],
-    };
-    let figure = actions(&ActionFigure {
-        columns: run.columns.clone(),
-        strides,
-        iterations: vec![known],
-        proven: Some(vec![2.0]),
-    })
-    .unwrap();
+    let (_dir, mut run) = run(Faults { fall: true, ..Faults::default() });
+    run.transitions[50].phase = StridePhase::Evaluate;
+    let third = &mut run.summary.as_mut().unwrap().iterations[2];
+    third.trust_region = Some(Region { lower: vec![0.5], upper: vec![2.5] });
+    third.warnings = vec![GuardWarning { stride: 11, warning: Warning::Turn }];
+    let verdict = Verdict::Warned;
+    third.proof = Some(Proof { verdict, warning: None, speed_m_s: 0.0, strides: 11, attempts: 1, action: vec![2.0] });
+    let figure = actions(&run).unwrap();
     assert!(figure.caption.contains("(the robot turns, once)"), "{}", figure.caption);
     assert!(figure.caption.contains("3 turned back by the guard"));
     // Stride 51 of the run is the 11th of the third iteration; only strides that try a policy have a region.
     let row = figure.csv.lines().nth(51).unwrap();
     assert!(row.starts_with("51,3,evaluate,") && row.ends_with(",0.5,2.5,turn,crossing"), "{row}");
     assert!(figure.csv.lines().nth(50).unwrap().ends_with(",,,,crossing"));
-    let empty = ActionFigure { columns: run.columns, ..ActionFigure::default() };
-    assert!(matches!(actions(&empty), Err(ReportError::Empty { .. })));
+    assert!(matches!(actions(&Run::default()), Err(ReportError::Empty { .. })));
 }
 
 #[test]
 fn return_maps_without_pushes_tell_slope_and_fixed_point() {
     let line = ReturnMapLine { slope: 0.5, slope_std_error: 0.1, fixed_point_deg: Some(2.0), pairs: 2 };
-    let figure = undisturbed_return_maps(&UndisturbedReturnMaps {
-        name: "psi_roll_deg".into(),
-        runs: vec![Undisturbed {
-            name: "final policy".into(),
-            stretches: vec![vec![4.0, 3.0, 2.5], vec![9.0]],
-            lines: [Some(line), None],
-        }],
-        target: Some(2.0),
+    let performance = Performance { return_map_1: Some(line), ..Performance::default() };
+    let stride = |episode, k, psi: f64| {
+        let next_state = [psi].as_slice().into();
+        ("final".to_owned(), Transition { episode, k, next_state, ..Transition::default() })
+    };
+    let figure = undisturbed_return_maps(&Run {
+        columns: Columns { state: vec!["psi_roll_deg".into()], action: vec!["step_amplitude_deg".into()] },
+        summary: Some(Summary { final_policy: Some(performance.into()), ..Summary::default() }),
+        // A fall parts the stretches: no pair reaches over it.
+        record: vec![stride(0, 0, 4.0), stride(0, 1, 3.0), stride(0, 2, 2.5), stride(1, 0, 9.0)],
+        ..Run::default()
     })
     .unwrap();
     assert!(figure.caption.contains(
         "final policy to k + 1: slope 0.50 ± 0.10, fixed point 2.00 deg (n = 2 pairs); final policy to k + 2: no line (n = 1 pairs)"
     ));
-    // A fall parts the stretches: no pair reaches over it.
     assert_eq!(figure.csv.lines().count(), 1 + 2 + 1);
 }
 

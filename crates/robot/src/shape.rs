@@ -52,6 +52,21 @@ pub enum ShapeKind {
     },
 }
 
+impl ShapeKind {
+    /// Volume, cubic metres.
+    #[must_use]
+    pub fn volume_m3(self) -> f64 {
+        use std::f64::consts::PI;
+        match self {
+            Self::Box { half_extents_m: [x, y, z] } => 8.0 * x * y * z,
+            Self::Sphere { radius_m: r } => 4.0 / 3.0 * PI * r.powi(3),
+            Self::Ellipsoid { semi_axes_m: [x, y, z] } => 4.0 / 3.0 * PI * x * y * z,
+            Self::Capsule { radius_m: r, half_length_m: h } => PI * r * r * (2.0 * h + 4.0 / 3.0 * r),
+            Self::Cylinder { radius_m: r, half_length_m: h } => 2.0 * PI * r * r * h,
+        }
+    }
+}
+
 /// One visible piece of a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shape {

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use stridemap_lab::{
-    ComparePoint, CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, builtin, can_steer, compare_seed,
-    learning_curves, paired_difference, steer,
+    CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, builtin, can_steer, compare_seed, learning_curves,
+    paired_difference, steer,
 };
 use stridemap_learn::{Policy, SavedPolicy};
-use stridemap_record::{Spread, files};
-use stridemap_report::figures::{Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig8, fig9};
+use stridemap_record::{ComparePoint, Spread, files};
+use stridemap_report::figures::{Fig8, Fig9, PolicyCurve, fig8, fig9};
 
 use super::learners::interval;
 use super::on_robot;
@@ -121,34 +121,15 @@ pub fn run_arms(name: &str, seeds: u64, common: &Common) -> Result<(Comparison, 
 
 /// Fig. 8 of a comparison.
 pub fn fig8_data(comparison: &Comparison) -> Fig8 {
-    let spread = |s: &Spread| MeanSd { mean: s.mean, sd: s.sd.unwrap_or(0.0) };
-    Fig8 {
-        trials: comparison
-            .trials
-            .iter()
-            .map(|t| TrialComparison {
-                trial: u32::try_from(t.trial).unwrap_or(u32::MAX),
-                gp: spread(&t.gp),
-                full: spread(&t.full),
-                p_value: t.p_value,
-            })
-            .collect(),
-        seeds: u32::try_from(comparison.seeds).unwrap_or(u32::MAX),
-        strides: STRIDES_PER_POINT as u32,
-    }
+    Fig8 { trials: comparison.trials.clone(), seeds: comparison.seeds, strides: STRIDES_PER_POINT }
 }
 
 /// Fig. 9 of a comparison.
 pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
     let states: Vec<f64> = (0..=60).map(|i| 0.1 * f64::from(i)).collect();
     let curve = |policies: Vec<&SavedPolicy>, visited: Vec<f64>| {
-        let spreads: Vec<Spread> =
-            states.iter().map(|x| Spread::of(&policies.iter().map(|p| p.mean(&[*x])[0]).collect::<Vec<_>>())).collect();
-        PolicyCurve {
-            mean: spreads.iter().map(|s| s.mean).collect(),
-            sd: spreads.iter().map(|s| s.sd.unwrap_or(0.0)).collect(),
-            visited,
-        }
+        let at = |x: &f64| Spread::of(&policies.iter().map(|p| p.mean(&[*x])[0]).collect::<Vec<_>>());
+        PolicyCurve { spread: states.iter().map(at).collect(), visited }
     };
     let visited = |of: &dyn Fn(&CompareSeed) -> Vec<f64>| arms.iter().flat_map(of).collect();
     Fig9 {
@@ -158,7 +139,7 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
             visited(&|a| a.full_states.iter().map(|s| s[0]).collect()),
         ),
         psi_roll_deg: states,
-        seeds: u32::try_from(arms.len()).unwrap_or(u32::MAX),
+        seeds: arms.len(),
         action_label: "A_{step} (deg)".into(),
     }
 }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use stridemap_record::Run;
 use stridemap_record::files::lock;
-use stridemap_report::{RERUN_STREAM, comparison, view_lines, write_figures, write_mcap, write_report};
+use stridemap_report::figures::runs_compared;
+use stridemap_report::{RERUN_STREAM, view_lines, write_figures, write_mcap, write_report};
 
 use crate::failure::Failure;
 use crate::output;
@@ -37,7 +38,7 @@ pub fn draw(path: &Path) -> Result<PathBuf, Failure> {
 fn side_by_side(runs: &[Run], page: &Path) -> Result<(), Failure> {
     let dir = page.parent().unwrap_or(Path::new("."));
     // Without a measured iteration there is nothing to compare yet; the page says so.
-    if let Ok(figure) = comparison(runs) {
+    if let Ok(figure) = runs_compared(runs) {
         figure.write(&dir.join("figures"))?;
     }
     Ok(write_report(runs, page)?)

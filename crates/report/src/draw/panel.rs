@@ -66,13 +66,35 @@ pub(crate) enum Anchor {
 }
 
 impl Anchor {
-    pub(crate) fn name(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
             Anchor::End => "end",
         }
     }
+}
+
+/// Points of ordinates over abscissae.
+pub(crate) fn pairs(x: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
+    x.iter().copied().zip(y.iter().copied()).collect()
+}
+
+/// Points of values over their number, from 1.
+pub(crate) fn numbered(values: &[f64]) -> Vec<(f64, f64)> {
+    values.iter().enumerate().map(|(i, v)| (i as f64 + 1.0, *v)).collect()
+}
+
+/// A line of text as SVG at a pixel position, its subscripts set.
+pub(crate) fn text_svg(class: &str, x: f64, y: f64, size: f64, anchor: Anchor, text: &str) -> String {
+    let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
+    format!(
+        "<text{class} x=\"{}\" y=\"{}\" font-size=\"{size}\" text-anchor=\"{}\">{}</text>",
+        coord(x),
+        coord(y),
+        anchor.name(),
+        spans(text, size)
+    )
 }
 
 /// A mark as SVG at a pixel position.
@@ -142,21 +164,11 @@ impl Panel {
         widest + 8.0 + LABEL + 12.0
     }
 
-    pub(crate) fn new(x: Axis, y: Axis, title: Option<String>, clip: String) -> Panel {
-        Panel {
-            x,
-            y,
-            title,
-            clip,
-            left: 0.0,
-            top: 0.0,
-            width: 0.0,
-            height: 0.0,
-            data: String::new(),
-            over: String::new(),
-            hover: Vec::new(),
-            keys: Vec::new(),
-        }
+    /// An empty pair of axes; `place` is left edge, top, width and height, px.
+    pub(crate) fn new(x: Axis, y: Axis, title: Option<&str>, clip: String, place: [f64; 4]) -> Panel {
+        let [left, top, width, height] = place;
+        let (data, over, hover, keys) = Default::default();
+        Panel { x, y, title: title.map(str::to_owned), left, top, width, height, clip, data, over, hover, keys }
     }
 
     /// Pixel column of a value.
@@ -204,6 +216,14 @@ impl Panel {
         for &(x, y) in points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()) {
             let svg = mark_svg(class, mark, self.px(x), self.py(y), r);
             self.data.push_str(&svg);
+        }
+    }
+
+    /// The same with their entry in the legend, if there are any.
+    pub(crate) fn scatter(&mut self, name: &str, points: &[(f64, f64)], class: &'static str, mark: Mark, r: f64) {
+        if !points.is_empty() {
+            self.marks(points, class, mark, r);
+            self.key(name, Key::Mark(class, mark));
         }
     }
 
@@ -273,13 +293,7 @@ impl Panel {
 
     /// A note at a pixel position.
     pub(crate) fn note_px(&mut self, x: f64, y: f64, anchor: Anchor, class: &str, text: &str) {
-        self.over.push_str(&format!(
-            "<text class=\"{class}\" x=\"{}\" y=\"{}\" font-size=\"{TICK}\" text-anchor=\"{}\">{}</text>",
-            coord(x),
-            coord(y),
-            anchor.name(),
-            spans(text, TICK)
-        ));
+        self.over += &text_svg(class, x, y, TICK, anchor, text);
     }
 
     /// A value that the page shows when the pointer comes near.
@@ -308,27 +322,16 @@ impl Panel {
         for (v, label) in &self.x.ticks {
             let x = self.px(*v);
             grid.push_str(&format!("M{} {}V{}", coord(x), coord(t), coord(b)));
-            ticks.push_str(&tick(x, b + TICK + 6.0, "middle", label));
+            ticks += &text_svg("mut", x, b + TICK + 6.0, TICK, Anchor::Middle, label);
         }
         for (v, label) in &self.y.ticks {
             let y = self.py(*v);
             grid.push_str(&format!("M{} {}H{}", coord(l), coord(y), coord(r)));
-            ticks.push_str(&tick(l - 8.0, y + 0.36 * TICK, "end", label));
+            ticks += &text_svg("mut", l - 8.0, y + 0.36 * TICK, TICK, Anchor::End, label);
         }
-        let title = self.title.as_ref().map_or_else(String::new, |title| {
-            format!(
-                "<text class=\"pnl\" x=\"{}\" y=\"{}\" font-size=\"{LABEL}\">{}</text>",
-                coord(l),
-                coord(t - 9.0),
-                spans(title, LABEL)
-            )
-        });
-        let x_label = format!(
-            "<text x=\"{}\" y=\"{}\" font-size=\"{LABEL}\" text-anchor=\"middle\">{}</text>",
-            coord(l + 0.5 * self.width),
-            coord(b + 38.0),
-            spans(&self.x.label, LABEL)
-        );
+        let title = self.title.as_deref().map(|title| text_svg("pnl", l, t - 9.0, LABEL, Anchor::Start, title));
+        let title = title.unwrap_or_default();
+        let x_label = text_svg("", l + 0.5 * self.width, b + 38.0, LABEL, Anchor::Middle, &self.x.label);
         let (cx, cy) = (l - Self::gutter(&self.y) + LABEL, t + 0.5 * self.height);
         let y_label = format!(
             "<text transform=\"translate({} {}) rotate(-90)\" font-size=\"{LABEL}\" \
@@ -353,13 +356,4 @@ impl Panel {
             self.over
         )
     }
-}
-
-fn tick(x: f64, y: f64, anchor: &str, label: &str) -> String {
-    format!(
-        "<text class=\"mut\" x=\"{}\" y=\"{}\" font-size=\"{TICK}\" text-anchor=\"{anchor}\">{}</text>",
-        coord(x),
-        coord(y),
-        spans(label, TICK)
-    )
 }

@@ -1,9 +1,9 @@
 //! A figure's sheet: title, legend, rows of panels, caption.
 
 use super::axis::Axis;
-use super::panel::{Key, Panel, line_svg, mark_svg};
+use super::panel::{Anchor, Key, Panel, line_svg, mark_svg, text_svg};
 use super::style::sheet_rules;
-use super::text::{coord, escape, plain, spans, width, wrap};
+use super::text::{coord, escape, plain, width, wrap};
 use crate::figure::{Figure, HoverPoint};
 
 /// Width of every figure, px.
@@ -14,6 +14,7 @@ const LEGEND: f64 = 12.5;
 const CAPTION: f64 = 12.0;
 
 /// A figure being drawn.
+#[derive(Default)]
 pub(crate) struct Sheet {
     stem: String,
     title: String,
@@ -26,15 +27,7 @@ pub(crate) struct Sheet {
 
 impl Sheet {
     pub(crate) fn new(stem: &str, title: &str) -> Sheet {
-        Sheet {
-            stem: stem.to_owned(),
-            title: title.to_owned(),
-            bottom: 0.0,
-            clips: 0,
-            body: String::new(),
-            hover: Vec::new(),
-            keys: Vec::new(),
-        }
+        Sheet { stem: stem.to_owned(), title: title.to_owned(), ..Sheet::default() }
     }
 
     /// A row of panels of one height with given axes, titles and shares of the width.
@@ -45,22 +38,22 @@ impl Sheet {
         let shares: f64 = panels.iter().map(|p| p.0).sum();
         let titled = panels.iter().any(|p| p.3.is_some());
         let top = self.bottom + if titled { 30.0 } else { 12.0 };
-        let mut left = MARGIN;
-        let mut out = Vec::new();
-        for (share, x, y, title) in panels {
-            let gutter = Panel::gutter(&y);
-            let clip = format!("{}-clip{}", self.stem, self.clips);
-            self.clips += 1;
-            let mut panel = Panel::new(x, y, title.map(str::to_owned), clip);
-            panel.left = left + gutter;
-            panel.top = top;
-            panel.width = free * share / shares;
-            panel.height = height;
-            left = panel.left + panel.width + 18.0;
-            out.push(panel);
-        }
         self.bottom = top + height + 48.0;
-        out
+        let mut left = MARGIN;
+        let mut place = |(share, x, y, title): (f64, Axis, Axis, Option<&str>)| {
+            let (from, width) = (left + Panel::gutter(&y), free * share / shares);
+            left = from + width + 18.0;
+            self.clips += 1;
+            let clip = format!("{}-clip{}", self.stem, self.clips - 1);
+            Panel::new(x, y, title, clip, [from, top, width, height])
+        };
+        panels.into_iter().map(&mut place).collect()
+    }
+
+    /// One panel over the whole width.
+    pub(crate) fn single(&mut self, height: f64, x: Axis, y: Axis, title: Option<&str>) -> Panel {
+        let mut row = self.row(height, vec![(1.0, x, y, title)]);
+        row.remove(0)
     }
 
     /// Left edge of a drawing without axes, px.
@@ -84,13 +77,6 @@ impl Sheet {
     /// An entry of the legend.
     pub(crate) fn key(&mut self, label: &str, key: Key) {
         self.keys.push((label.to_owned(), key));
-    }
-
-    /// One panel over the whole width.
-    pub(crate) fn single(&mut self, height: f64, x: Axis, y: Axis) -> Panel {
-        let clip = format!("{}-clip{}", self.stem, self.clips);
-        let fallback = Panel::new(x.clone(), y.clone(), None, clip);
-        self.row(height, vec![(1.0, x, y, None)]).pop().unwrap_or(fallback)
     }
 
     /// Puts a finished panel on the sheet.
@@ -118,12 +104,7 @@ impl Sheet {
                 y += 20.0;
             }
             svg.push_str(&key_svg(*key, x, y - 4.2));
-            svg.push_str(&format!(
-                "<text x=\"{}\" y=\"{}\" font-size=\"{LEGEND}\">{}</text>",
-                coord(x + 34.0),
-                coord(y),
-                spans(label, LEGEND)
-            ));
+            svg += &text_svg("", x + 34.0, y, LEGEND, Anchor::Start, label);
             x += wide;
         }
         (svg, y - top + 8.0)
@@ -136,24 +117,16 @@ impl Sheet {
         let shift = head_bottom + 6.0 + legend_height;
         let height = shift + self.bottom;
         let head = format!(
-            "<rect class=\"bg\" width=\"100%\" height=\"100%\"/>\
-             <text class=\"ttl\" x=\"{}\" y=\"{}\" font-size=\"{TITLE}\">{}</text>{legend}\
-             <g transform=\"translate(0 {})\">{}</g>",
-            coord(MARGIN),
-            coord(head_bottom - 4.0),
-            spans(&self.title, TITLE),
+            "<rect class=\"bg\" width=\"100%\" height=\"100%\"/>{}{legend}<g transform=\"translate(0 {})\">{}</g>",
+            text_svg("ttl", MARGIN, head_bottom - 4.0, TITLE, Anchor::Start, &self.title),
             coord(shift),
             self.body
         );
         let lines = wrap(caption, CAPTION, WIDTH - 2.0 * MARGIN);
         let mut caption_svg = String::new();
         for (i, line) in lines.iter().enumerate() {
-            caption_svg.push_str(&format!(
-                "<text class=\"mut\" x=\"{}\" y=\"{}\" font-size=\"{CAPTION}\">{}</text>",
-                coord(MARGIN),
-                coord(height + 12.0 + 17.0 * i as f64),
-                escape(line)
-            ));
+            let y = height + 12.0 + 17.0 * i as f64;
+            caption_svg += &text_svg("mut", MARGIN, y, CAPTION, Anchor::Start, line);
         }
         let full = height + 17.0 * lines.len() as f64 + 12.0;
         let open = |h: f64, extra: &str| {

@@ -1,5 +1,6 @@
 //! Numbers and labels: escaping, sub- and superscripts, widths in the font that is drawn.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 /// The regular face: Inter, subset (see `assets/fonts`).
@@ -55,6 +56,26 @@ pub(crate) fn signed(v: f64, decimals: usize) -> String {
     let text = format!("{v:.decimals$}");
     let zero = text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.');
     if zero { text.trim_start_matches('-').to_owned() } else { text.replace('-', "\u{2212}") }
+}
+
+/// A number inside of a format string: `{:.2}` has two decimals, `{:#.3}` three significant digits.
+#[derive(Clone, Copy)]
+pub(crate) struct N(pub(crate) f64);
+
+impl fmt::Display for N {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let digits = f.precision().unwrap_or(3);
+        f.write_str(&if f.alternate() { number(self.0, digits) } else { signed(self.0, digits) })
+    }
+}
+
+/// `once`, `twice`, `3 times`.
+pub(crate) fn times(n: usize) -> String {
+    match n {
+        1 => "once".to_owned(),
+        2 => "twice".to_owned(),
+        n => format!("{n} times"),
+    }
 }
 
 /// A count with its noun: `1 fall`, `2 falls`.
@@ -186,6 +207,7 @@ mod tests {
         assert_eq!(number(1234.6, 3), "1235");
         assert_eq!(number(0.0, 3), "0");
         assert_eq!(signed(-0.0004, 3), "0.000");
+        assert_eq!(format!("{0:.2} {0:#.2}", N(-12.345)), "\u{2212}12.35 \u{2212}12");
         assert_eq!(coord(-0.001), "0");
     }
 

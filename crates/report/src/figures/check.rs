@@ -20,10 +20,12 @@ pub(crate) fn column(figure: &str, name: &str, values: &[f64], expected: usize) 
 
 /// Refuses an empty figure.
 pub(crate) fn some(figure: &str, what: &str, n: usize) -> Result<()> {
-    if n == 0 {
-        return Err(ReportError::Empty { figure: figure.to_owned(), what: what.to_owned() });
-    }
-    Ok(())
+    present(figure, what, (n > 0).then_some(()))
+}
+
+/// What a figure is drawn of, or that there is none.
+pub(crate) fn present<T>(figure: &str, what: &str, of: Option<T>) -> Result<T> {
+    of.ok_or_else(|| ReportError::Empty { figure: figure.to_owned(), what: what.to_owned() })
 }
 
 /// Refuses a set of columns that has not one column per name.

@@ -1,173 +1,162 @@
 //! What a map says about small changes of a policy: cuts along its inputs through the policy.
 
-use super::check::{column, some};
+use super::check::{column, present};
 use super::names::{label, quantity};
-use crate::draw::{Axis, Dash, Key, Mark, Sheet, extent, number, plain, signed};
+use super::of_run::{final_or_last, iterations, map_strides};
+use crate::draw::{Axis, Dash, Key, Mark, N, Panel, Sheet, extent, pairs, plain};
 use crate::error::Result;
 use crate::figure::Figure;
-use stridemap_record::grid::LineGrid;
-use stridemap_record::{Columns, Region, Transition};
+use stridemap_record::grid::{LineGrid, LineOutput};
+use stridemap_record::{Region, Run, Transition};
 
-/// Cuts through a map.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LineFigure {
-    /// Iteration whose map is drawn.
-    pub iteration: usize,
-    /// Names of state and action.
-    pub columns: Columns,
-    /// The map along its inputs.
-    pub grid: LineGrid,
-    /// The training strides from which it was learned.
-    pub strides: Vec<Transition>,
+/// A map along its inputs, and what belongs to it.
+struct Cuts<'a> {
+    grid: &'a LineGrid,
+    /// State, then action.
+    names: Vec<&'a str>,
+    states: usize,
+    /// The reward where it has a map of its own, else the first state.
+    output: &'a LineOutput,
+    /// The training strides from which the map was learned.
+    strides: Vec<&'a Transition>,
     /// Where the policy was allowed to lie.
-    pub region: Option<Region>,
-    /// What the reward is, if it is a single quantity: `speed_m_s`.
-    pub reward: Option<String>,
+    region: Option<&'a Region>,
 }
 
-/// Where the output of interest stands: the reward where it has a map of its own, else the first state.
-fn shown(grid: &LineGrid) -> usize {
-    let reward = grid.outputs.iter().position(|o| o.name == "reward");
-    reward.unwrap_or(0)
+impl Cuts<'_> {
+    /// Rows of the grid that belong to the line along an input.
+    fn rows(&self, along: usize) -> Vec<usize> {
+        (0..self.grid.along.len()).filter(|i| self.grid.along[*i] == along).collect()
+    }
+
+    /// Mean and `k` standard deviations, function and noise.
+    fn spread(&self, i: usize, k: f64) -> f64 {
+        self.output.mean[i] + k * self.output.latent_std[i].hypot(self.output.noise_std[i])
+    }
+
+    /// Where the other lines cross the one along an input: the policy's place.
+    fn policy_at(&self, input: usize) -> Option<f64> {
+        let other = self.grid.along.iter().position(|along| *along != input)?;
+        Some(self.grid.inputs[input][other])
+    }
+
+    fn draw(&self, p: &mut Panel, input: usize) {
+        let rows = self.rows(input);
+        let x: Vec<f64> = rows.iter().map(|i| self.grid.inputs[input][*i]).collect();
+        let edge = |k: f64| rows.iter().map(|i| self.spread(*i, k)).collect::<Vec<f64>>();
+        if let Some(region) = self.region.filter(|_| input >= self.states)
+            && let (Some(a), Some(b)) = (region.lower.get(input - self.states), region.upper.get(input - self.states))
+        {
+            p.band(&[*a, *b], &[p.y.min; 2], &[p.y.max; 2], "s4", 0.16);
+            p.key("trust region", Key::Band("s4", 0.2));
+        }
+        p.band(&x, &edge(-2.0), &edge(2.0), "s0", 0.2);
+        let mean = pairs(&x, &edge(0.0));
+        p.line(&mean, "s0", Dash::Solid, 2.2);
+        let visited = self.strides.iter().filter_map(|s| match input.checked_sub(self.states) {
+            Some(action) => s.action.get(action),
+            None => s.state.get(input),
+        });
+        p.rug(&visited.copied().collect::<Vec<_>>(), "s6", 0);
+        if let Some(here) = self.policy_at(input) {
+            p.upward(here, "s2", Dash::Dashed);
+            p.key("the policy", Key::Line("s2", Dash::Dashed));
+            let nearest = mean.iter().min_by(|a, b| (a.0 - here).abs().total_cmp(&(b.0 - here).abs()));
+            if let Some(q) = nearest {
+                p.marks(&[(here, q.1)], "s2", Mark::Disc, 4.2);
+            }
+        }
+        let name = quantity(self.names[input]).0;
+        for (row, (x, y)) in rows.iter().zip(&mean).step_by((rows.len() / 30).max(1)) {
+            let [at, mean, sd] = [*x, *y, self.spread(*row, 1.0) - y].map(N);
+            p.hover(*x, *y, format!("{name} = {at:.2}: {mean:#.3} ± {sd:#.2}"));
+        }
+        p.key("mean", Key::Line("s0", Dash::Solid));
+        p.key("± 2 sd (function and noise)", Key::Band("s0", 0.2));
+    }
+
+    fn csv(&self) -> String {
+        let (g, o) = (self.grid, self.output);
+        let mut csv =
+            format!("along,{},mean_{out},latent_std_{out},noise_std_{out}\n", self.names.join(","), out = o.name);
+        for (i, along) in g.along.iter().enumerate() {
+            csv += &along.to_string();
+            g.inputs.iter().for_each(|c| csv += &format!(",{}", c[i]));
+            csv += &format!(",{},{},{}\n", o.mean[i], o.latent_std[i], o.noise_std[i]);
+        }
+        csv
+    }
 }
 
 /// Draws the map along each action through the policy (and along the state where there is one of each):
 /// predicted mean, two standard deviations, where the data are, the policy's own place, and its trust
-/// region.
+/// region. Of the final policy's map, or of the last.
 ///
 /// # Errors
 ///
-/// [`ReportError`](crate::ReportError) if the lines are empty or hold a value that is not finite.
-pub fn map_lines(data: &LineFigure) -> Result<Figure> {
+/// [`ReportError`](crate::ReportError) if there are no lines, or they hold a value that is not finite.
+pub fn map_lines(run: &Run) -> Result<Figure> {
     let stem = "map-lines";
-    let g = &data.grid;
-    let n = g.along.len();
-    some(stem, "no row of the map", n)?;
-    some(stem, "no output", g.outputs.len())?;
-    let names: Vec<&String> = data.columns.state.iter().chain(&data.columns.action).collect();
-    for (values, name) in g.inputs.iter().zip(&names) {
+    let lines = final_or_last(run, &run.lines).filter(|(_, g)| !g.along.is_empty() && !g.outputs.is_empty());
+    let (iteration, grid) = present(stem, "the run has no map along its inputs", lines)?;
+    let n = grid.along.len();
+    let cuts = Cuts {
+        grid,
+        names: run.columns.state.iter().chain(&run.columns.action).map(String::as_str).collect(),
+        states: run.columns.state.len(),
+        output: grid.outputs.iter().find(|o| o.name == "reward").unwrap_or(&grid.outputs[0]),
+        strides: map_strides(run, *iteration),
+        region: iterations(run).iter().find(|i| i.iteration == *iteration).and_then(|i| i.trust_region.as_ref()),
+    };
+    let (names, output) = (&cuts.names, cuts.output);
+    for (values, name) in grid.inputs.iter().zip(names) {
         column(stem, name, values, n)?;
     }
-    let output = &g.outputs[shown(g)];
     for (values, what) in [(&output.mean, "mean"), (&output.latent_std, "latent_std"), (&output.noise_std, "noise_std")]
     {
         column(stem, &format!("{what} {}", output.name), values, n)?;
     }
-    let own = output.name == "reward";
-    let name = match &data.reward {
-        Some(reward) if own => label(reward, ""),
-        _ if own => "reward".to_owned(),
+    let name = match run.reward_quantity() {
+        Some(reward) if output.name == "reward" => label(&reward, ""),
+        _ if output.name == "reward" => "reward".to_owned(),
         _ => label(&output.name, "(k + 1)"),
     };
-    let states = data.columns.state.len();
-    let drawn: Vec<usize> = (0..g.inputs.len().min(names.len())).filter(|i| *i >= states || names.len() == 2).collect();
-    let spread = |i: usize, k: f64| output.mean[i] + k * output.latent_std[i].hypot(output.noise_std[i]);
-    let (lo, hi) = extent((0..n).filter(|i| drawn.contains(&g.along[*i])).flat_map(|i| {
+    let inputs = 0..grid.inputs.len().min(names.len());
+    let drawn: Vec<usize> = inputs.filter(|i| *i >= cuts.states || names.len() == 2).collect();
+    let (lo, hi) = extent((0..n).filter(|i| drawn.contains(&grid.along[*i])).flat_map(|i| {
         // A band that runs away from the data would press the curves flat.
         [output.mean[i] - 2.5 * output.noise_std[i], output.mean[i] + 2.5 * output.noise_std[i]]
     }));
     let air = 0.12 * (hi - lo);
     let per_row = drawn.len().clamp(1, 3);
+    let (height, most) = if per_row > 2 { (130.0, 5.0) } else { (220.0, 6.0) };
     let mut sheet = Sheet::new(stem, "The map about the policy");
-    let mut csv = format!(
-        "along,{},mean_{out},latent_std_{out},noise_std_{out}\n",
-        names.iter().map(|n| n.as_str()).collect::<Vec<_>>().join(","),
-        out = output.name
-    );
-    let mut place = Vec::new();
     for chunk in drawn.chunks(per_row) {
-        let specs = chunk
-            .iter()
-            .enumerate()
-            .map(|(slot, input)| {
-                let rows = line(g, *input);
-                let (x0, x1) = extent(rows.iter().map(|i| g.inputs[*input][*i]));
-                let most = if per_row > 2 { 5.0 } else { 6.0 };
-                let x = Axis::linear_with(&label(names[*input], ""), x0, x1, most);
-                let text = if slot == 0 { name.as_str() } else { "" };
-                (1.0, x, Axis::linear_with(text, lo - air, hi + air, 5.0), None)
-            })
-            .collect();
-        let height = if per_row > 2 { 130.0 } else { 220.0 };
-        for (input, mut p) in chunk.iter().zip(sheet.row(height, specs)) {
-            let rows = line(g, *input);
-            let x: Vec<f64> = rows.iter().map(|i| g.inputs[*input][*i]).collect();
-            let edge = |k: f64| rows.iter().map(|i| spread(*i, k)).collect::<Vec<f64>>();
-            if let Some(region) = data.region.as_ref().filter(|_| *input >= states)
-                && let (Some(a), Some(b)) = (region.lower.get(input - states), region.upper.get(input - states))
-            {
-                p.band(&[*a, *b], &[p.y.min; 2], &[p.y.max; 2], "s4", 0.16);
-                p.key("trust region", Key::Band("s4", 0.2));
-            }
-            p.band(&x, &edge(-2.0), &edge(2.0), "s0", 0.2);
-            let mean: Vec<(f64, f64)> = x.iter().copied().zip(edge(0.0)).collect();
-            p.line(&mean, "s0", Dash::Solid, 2.2);
-            let visited: Vec<f64> = data
-                .strides
-                .iter()
-                .filter_map(|s| {
-                    let from_action = || s.action.get(input.wrapping_sub(states));
-                    s.state.get(*input).filter(|_| *input < states).or_else(from_action)
-                })
-                .copied()
-                .collect();
-            p.rug(&visited, "s6", 0);
-            // Where the other lines cross this one.
-            if let Some(at) = (0..n).find(|i| g.along[*i] != *input) {
-                let here = g.inputs[*input][at];
-                p.upward(here, "s2", Dash::Dashed);
-                p.key("the policy", Key::Line("s2", Dash::Dashed));
-                let nearest = mean.iter().min_by(|a, b| (a.0 - here).abs().total_cmp(&(b.0 - here).abs()));
-                if let Some(q) = nearest {
-                    p.marks(&[(here, q.1)], "s2", Mark::Disc, 4.2);
-                }
-                let (quantity, unit) = quantity(names[*input]);
-                place.push(format!("{} {} {unit}", plain(&quantity), signed(here, 2)));
-            }
-            for i in (0..rows.len()).step_by((rows.len() / 30).max(1)) {
-                p.hover(
-                    x[i],
-                    mean[i].1,
-                    format!(
-                        "{} = {}: {} ± {}",
-                        quantity(names[*input]).0,
-                        signed(x[i], 2),
-                        number(mean[i].1, 3),
-                        number(spread(rows[i], 1.0) - mean[i].1, 2)
-                    ),
-                );
-            }
-            p.key("mean", Key::Line("s0", Dash::Solid));
-            p.key("± 2 sd (function and noise)", Key::Band("s0", 0.2));
+        let spec = |(slot, input): (usize, &usize)| {
+            let (x0, x1) = extent(cuts.rows(*input).iter().map(|i| grid.inputs[*input][*i]));
+            let x = Axis::linear_with(&label(names[*input], ""), x0, x1, most);
+            let text = if slot == 0 { name.as_str() } else { "" };
+            (1.0, x, Axis::linear_with(text, lo - air, hi + air, 5.0), None)
+        };
+        for (input, mut p) in chunk.iter().zip(sheet.row(height, chunk.iter().enumerate().map(spec).collect())) {
+            cuts.draw(&mut p, *input);
             sheet.add(p);
         }
     }
-    for (i, along) in g.along.iter().enumerate() {
-        csv.push_str(&along.to_string());
-        for c in &g.inputs {
-            csv.push_str(&format!(",{}", c[i]));
-        }
-        csv.push_str(&format!(",{},{},{}\n", output.mean[i], output.latent_std[i], output.noise_std[i]));
-    }
+    let place = |input: &usize| {
+        let (quantity, unit) = quantity(names[*input]);
+        Some(format!("{} {:.2} {unit}", plain(&quantity), N(cuts.policy_at(*input)?)))
+    };
+    let (name, along) = (plain(&name), if names.len() == 2 { "input" } else { "action" });
+    let place = drawn.iter().filter_map(place).collect::<Vec<_>>().join(", ");
+    let (strides, inputs) = (cuts.strides.len(), drawn.len());
+    let shaded = cuts.region.map_or("", |_| " Shaded: where the policy was allowed to lie.");
     let caption = format!(
-        "Map of iteration {}: prediction of {} along each {}, everything else held where the map settles under the policy found \
-         in it (uprights: {}). Line: mean; band: ±2 standard deviations, noise included. Ticks along the bottom: n = {} strides from \
-         which the map was learned; they lie anywhere in the other directions.{}",
-        data.iteration,
-        plain(&name),
-        if names.len() == 2 { "input" } else { "action" },
-        place.join(", "),
-        data.strides.len(),
-        if data.region.is_some() { " Shaded: where the policy was allowed to lie." } else { "" }
+        "Map of iteration {iteration}: prediction of {name} along each {along}, everything else held where the map settles under \
+         the policy found in it (uprights: {place}). Line: mean; band: ±2 standard deviations, noise included. Ticks along the \
+         bottom: n = {strides} strides from which the map was learned; they lie anywhere in the other directions.{shaded}"
     );
-    let alt = format!(
-        "Cuts through the learned map: {} along {} inputs, with bands of two standard deviations.",
-        plain(&name),
-        drawn.len()
-    );
-    Ok(sheet.finish(&caption, &alt, csv))
-}
-
-fn line(grid: &LineGrid, along: usize) -> Vec<usize> {
-    (0..grid.along.len()).filter(|i| grid.along[*i] == along).collect()
+    let alt =
+        format!("Cuts through the learned map: {name} along {inputs} inputs, with bands of two standard deviations.");
+    Ok(sheet.finish(&caption, &alt, cuts.csv()))
 }

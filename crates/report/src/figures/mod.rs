@@ -5,6 +5,7 @@ mod check;
 mod lines;
 mod map;
 mod names;
+mod of_run;
 mod paper;
 mod policy;
 mod progress;
@@ -14,25 +15,22 @@ mod seeds;
 mod stepping;
 mod strips;
 mod surface;
-mod table;
 mod trust;
 
-pub use actions::{ActionFigure, ActionIteration, actions};
-pub use lines::{LineFigure, map_lines};
-pub use map::{MapFigure, map_slices, map_surface};
-pub use paper::{Fig7, Fig8, Fig9, MeanSd, PolicyCurve, TrialComparison, fig7, fig8, fig9};
-pub use policy::{PolicyFigure, policy};
-pub use progress::{LearningCurves, StateOverStrides, learning_curves, state_over_strides};
-pub use return_map::{
-    Fig10, ReturnMap, ReturnPair, Undisturbed, UndisturbedReturnMaps, fig10, pushed_one_stride, undisturbed_return_maps,
-};
+pub use actions::actions;
+pub use lines::map_lines;
+pub use map::{map_slices, map_surface};
+pub use paper::{Fig7, Fig8, Fig9, PolicyCurve, fig7, fig8, fig9};
+pub use policy::policy;
+pub use progress::{learning_curves, state_over_strides};
+pub use return_map::{fig10, pushed_one_stride, undisturbed_return_maps};
 pub use samples::{SamplesPoint, samples};
-pub use seeds::{RunCurve, quartiles, runs_compared};
-pub use stepping::{Fig14, fig14};
+pub use seeds::{quartiles, runs_compared};
+pub use stepping::fig14;
 pub use strips::{Shot, Strip, TimeLapse, View, time_lapses};
 pub use surface::fig13;
-pub use table::{ComparisonRow, ComparisonTable};
-pub use trust::{SuccessRate, predicted_actual, standardized_residuals, success_against_strides};
+pub use trust::{predicted_actual, standardized_residuals};
 
 pub(crate) use actions::{verdict_words, warning_words};
 pub(crate) use names::{label, quantity};
+pub(crate) use of_run::{mean_reward, measured};

@@ -1,7 +1,8 @@
 //! How many strides a map needs: prediction error and speed against the number of samples.
 
 use super::check::{column, some};
-use crate::draw::{Axis, Dash, Key, Mark, Sheet, number, plural, signed};
+use super::seeds::quartiles;
+use crate::draw::{Axis, Dash, Key, Mark, N, Panel, Sheet, plural};
 use crate::error::Result;
 use crate::figure::Figure;
 
@@ -23,14 +24,60 @@ pub struct SamplesPoint {
     pub falls: u32,
 }
 
-/// Median of finite numbers; NaN of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => f64::NAN,
-        _ if n % 2 == 1 => values[n / 2],
-        _ => 0.5 * (values[n / 2 - 1] + values[n / 2]),
+/// Samples by their logarithm: what ten more are worth falls with their number.
+fn place(n: u32) -> f64 {
+    f64::from(n).log2()
+}
+
+/// What is drawn of every point, and in which panel.
+struct Series {
+    panel: usize,
+    name: &'static str,
+    value: fn(&SamplesPoint) -> Option<f64>,
+    class: &'static str,
+    dash: Dash,
+    mark: Mark,
+}
+
+const SERIES: [Series; 3] = [
+    Series {
+        panel: 0,
+        name: "error on unseen strides",
+        value: |p| Some(p.unseen_error),
+        class: "s2",
+        dash: Dash::Dashed,
+        mark: Mark::Diamond,
+    },
+    Series {
+        panel: 0,
+        name: "error, leaving one out",
+        value: |p| Some(p.error),
+        class: "s1",
+        dash: Dash::Solid,
+        mark: Mark::Dot,
+    },
+    Series { panel: 1, name: "speed", value: |p| p.speed_m_s, class: "s0", dash: Dash::Solid, mark: Mark::Dot },
+];
+
+impl Series {
+    /// Median over the seeds; NaN of none.
+    fn median(&self, points: &[SamplesPoint], samples: u32) -> f64 {
+        let own = points.iter().filter(|p| p.samples == samples).filter_map(self.value);
+        quartiles(&own.collect::<Vec<_>>()).map_or(f64::NAN, |quartiles| quartiles[1])
+    }
+
+    /// Every seed a point, the medians a line.
+    fn draw(&self, p: &mut Panel, points: &[SamplesPoint], counts: &[u32]) {
+        let medians: Vec<(f64, f64)> = counts.iter().map(|n| (place(*n), self.median(points, *n))).collect();
+        p.line(&medians, self.class, self.dash, 2.2);
+        let seeds: Vec<_> = points.iter().filter_map(|q| Some((q, (self.value)(q)?))).collect();
+        let at: Vec<(f64, f64)> = seeds.iter().map(|(q, v)| (place(q.samples), *v)).collect();
+        p.marks(&at, self.class, self.mark, if self.mark == Mark::Dot { 4.0 } else { 2.8 });
+        for (q, v) in seeds {
+            let (name, samples, seed, falls) = (self.name, q.samples, q.seed, plural(q.falls as usize, "fall"));
+            p.hover(place(samples), v, format!("{name}, {samples} samples, seed {seed}: {:.3}, {falls}", N(v)));
+        }
+        p.key(self.name, Key::Both(self.class, self.dash, self.mark));
     }
 }
 
@@ -42,102 +89,46 @@ fn median(mut values: Vec<f64>) -> f64 {
 pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
     let stem = "samples";
     some(stem, "points", points.len())?;
-    let mut errors: Vec<f64> = points.iter().map(|p| p.error).collect();
-    column(stem, "error", &errors, points.len())?;
-    errors.extend(points.iter().map(|p| p.unseen_error));
-    column(stem, "unseen_error", &errors, 2 * points.len())?;
-    let speeds: Vec<f64> = points.iter().filter_map(|p| p.speed_m_s).collect();
-    column(stem, "speed_m_s", &speeds, speeds.len())?;
+    for series in &SERIES {
+        let values: Vec<f64> = points.iter().filter_map(series.value).collect();
+        column(stem, series.name, &values, values.len())?;
+    }
     let mut counts: Vec<u32> = points.iter().map(|p| p.samples).collect();
     counts.sort_unstable();
     counts.dedup();
-    let most = f64::from(counts[counts.len() - 1]);
-    // Samples by their logarithm: what ten more are worth falls with their number.
-    let place = |n: u32| f64::from(n).log2();
-    let (first, last) = (place(counts[0]), place(counts[counts.len() - 1]));
-    let x = || {
-        let mut axis = Axis::linear("samples", first - 0.3, last + 0.3);
-        axis.ticks = counts.iter().map(|n| (place(*n), n.to_string())).collect();
-        axis
-    };
-    let from_zero = |label: &str, values: &[f64]| Axis::covering(label, values.iter().copied().chain([0.0]));
-    let of = |n: u32, value: &dyn Fn(&SamplesPoint) -> Option<f64>| -> Vec<f64> {
-        let own = points.iter().filter(|p| p.samples == n);
-        own.filter_map(value).collect()
-    };
-    let error = |p: &SamplesPoint| Some(p.error);
-    let unseen = |p: &SamplesPoint| Some(p.unseen_error);
-    let speed = |p: &SamplesPoint| p.speed_m_s;
+    let (fewest, most) = (counts[0], counts[counts.len() - 1]);
+    let mut x = Axis::linear("samples", place(fewest) - 0.3, place(most) + 0.3);
+    x.ticks = counts.iter().map(|n| (place(*n), n.to_string())).collect();
     let mut sheet = Sheet::new(stem, "How many strides does a map of walking need?");
-    let panels = sheet.row(
-        260.0,
-        vec![
-            (1.0, x(), from_zero("prediction error (share of the spread)", &errors), None),
-            (1.0, x(), from_zero("speed of the policy (m/s)", &speeds), None),
-        ],
-    );
-    type Value<'a> = &'a dyn Fn(&SamplesPoint) -> Option<f64>;
-    let series: [(usize, Value<'_>, &str, Dash, Mark, &str); 3] = [
-        (0, &unseen, "s2", Dash::Dashed, Mark::Diamond, "error on unseen strides"),
-        (0, &error, "s1", Dash::Solid, Mark::Dot, "error, leaving one out"),
-        (1, &speed, "s0", Dash::Solid, Mark::Dot, "speed"),
-    ];
-    for (i, mut p) in panels.into_iter().enumerate() {
-        for (_, value, class, dash, mark, name) in series.iter().filter(|s| s.0 == i) {
-            let medians: Vec<(f64, f64)> = counts.iter().map(|n| (place(*n), median(of(*n, value)))).collect();
-            p.line(&medians, class, *dash, 2.2);
-            let seeds: Vec<(f64, f64)> = points.iter().filter_map(|q| Some((place(q.samples), value(q)?))).collect();
-            let size = if *mark == Mark::Dot { 4.0 } else { 2.8 };
-            p.marks(&seeds, class, *mark, size);
-            for q in points {
-                if let Some(v) = value(q) {
-                    p.hover(
-                        place(q.samples),
-                        v,
-                        format!(
-                            "{name}, {} samples, seed {}: {}, {}",
-                            q.samples,
-                            q.seed,
-                            signed(v, 3),
-                            plural(q.falls as usize, "fall")
-                        ),
-                    );
-                }
-            }
-            p.key(name, Key::Both(class, *dash, *mark));
-        }
+    let panel = |i: usize, label: &str| {
+        let values = SERIES.iter().filter(|s| s.panel == i).flat_map(|s| points.iter().filter_map(s.value));
+        (1.0, x.clone(), Axis::covering(label, values.chain([0.0])), None)
+    };
+    let panels = vec![panel(0, "prediction error (share of the spread)"), panel(1, "speed of the policy (m/s)")];
+    for (i, mut p) in sheet.row(260.0, panels).into_iter().enumerate() {
+        SERIES.iter().filter(|s| s.panel == i).for_each(|s| s.draw(&mut p, points, &counts));
         sheet.add(p);
     }
-    let said: Vec<String> = counts
-        .iter()
-        .map(|n| {
-            format!(
-                "{n}: {} and {}, {} m/s",
-                number(median(of(*n, &error)), 2),
-                number(median(of(*n, &unseen)), 2),
-                signed(median(of(*n, &speed)), 3)
-            )
-        })
-        .collect();
-    let falls: u32 = points.iter().map(|p| p.falls).sum();
-    let seeds = points.iter().filter(|p| p.samples == counts[0]).count();
+    let said = |n: &u32| {
+        let [unseen, error, speed] = SERIES.each_ref().map(|s| N(s.median(points, *n)));
+        format!("{n}: {error:#.2} and {unseen:#.2}, {speed:.3} m/s")
+    };
+    let said = counts.iter().map(said).collect::<Vec<_>>().join("; ");
+    let falls = plural(points.iter().map(|p| p.falls as usize).sum(), "fall");
+    let (seeds, runs) = (points.iter().filter(|p| p.samples == fewest).count(), points.len());
     let caption = format!(
         "Sec. 8.1 of the paper asks how many samples a map needs. Left: one-step prediction error of the map learned from so many \
          strides of exploration, root mean square over the spread of the data, the worst component of the state: leaving one out, \
          and on the strides of another exploration that no map has seen. \
          Right: speed over up to 60 s of the policy learned from them and proven on the robot. Points: n = {seeds} seeds; lines: \
-         medians ({}). {} in {} runs. Horizontal axis logarithmic, up to {} samples.",
-        said.join("; "),
-        plural(falls as usize, "fall"),
-        points.len(),
-        number(most, 4)
+         medians ({said}). {falls} in {runs} runs. Horizontal axis logarithmic, up to {most} samples."
     );
     let mut csv = String::from("samples,seed,error,unseen_error,speed_m_s,falls\n");
     for p in points {
         let speed = p.speed_m_s.map_or_else(String::new, |v| v.to_string());
-        csv.push_str(&format!("{},{},{},{},{speed},{}\n", p.samples, p.seed, p.error, p.unseen_error, p.falls));
+        csv += &format!("{},{},{},{},{speed},{}\n", p.samples, p.seed, p.error, p.unseen_error, p.falls);
     }
-    let alt = format!("Two plots against the number of samples, medians of error and speed: {}.", said.join("; "));
+    let alt = format!("Two plots against the number of samples, medians of error and speed: {said}.");
     Ok(sheet.finish(&caption, &alt, csv))
 }
 

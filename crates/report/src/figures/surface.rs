@@ -1,12 +1,14 @@
 //! Fig. 13: the map of one stride as a surface in space, with its uncertainty and the data.
 
-use super::map::{MapFigure, check_map, plane};
+use super::map::{MapOf, Plane};
 use super::names::{label, quantity};
 use crate::draw::{
-    Anchor, Axis, Dash, Key, Mark, Sheet, coord, extent, line_svg, mark_svg, number, plain, ramp_color, signed, spans,
+    Anchor, Axis, Dash, Key, Mark, N, Sheet, coord, extent, line_svg, mark_svg, number, plain, ramp_color, text_svg,
 };
 use crate::error::Result;
 use crate::figure::{Figure, HoverPoint};
+use stridemap_process::StrideEnd;
+use stridemap_record::{Run, Transition};
 
 /// Size of tick labels, px.
 const TICK: f64 = 11.5;
@@ -86,14 +88,7 @@ impl Camera {
         );
         let mut note = |at: [f64; 3], by: [f64; 2], anchor: Anchor, size: f64, text: &str| {
             let [x, y] = self.see(at).0;
-            let class = if size < LABEL { " class=\"mut\"" } else { "" };
-            svg.push_str(&format!(
-                "<text{class} x=\"{}\" y=\"{}\" font-size=\"{size}\" text-anchor=\"{}\">{}</text>",
-                coord(x + by[0]),
-                coord(y + by[1]),
-                anchor.name(),
-                spans(text, size)
-            ));
+            svg += &text_svg(if size < LABEL { "mut" } else { "" }, x + by[0], y + by[1], size, anchor, text);
         };
         for (x, text) in &self.axes[0].ticks {
             note([*x, u0, z0], [-5.0, 15.0], Anchor::End, TICK, text);
@@ -113,168 +108,170 @@ impl Camera {
     }
 }
 
-/// Draws the map of the first state component as a surface over the first state and action, as in
+/// A map as a surface, its rows as a grid.
+struct Surface<'a> {
+    map: MapOf<'a>,
+    plane: Plane,
+    /// State, action and next state of each stride.
+    strides: Vec<[f64; 3]>,
+}
+
+impl Surface<'_> {
+    fn at(&self, column: &[f64], (i, j): (usize, usize)) -> f64 {
+        column[self.plane.rows[j * self.plane.x.len() + i]]
+    }
+
+    fn mean(&self, at: (usize, usize)) -> f64 {
+        self.at(&self.map.grid.mean[0], at)
+    }
+
+    fn std(&self, at: (usize, usize)) -> f64 {
+        self.at(&self.map.grid.latent_std[0], at)
+    }
+
+    /// A point of the surface, `k` standard deviations above it.
+    fn point(&self, at: (usize, usize), k: f64) -> [f64; 3] {
+        [self.plane.x[at.0], self.plane.u[at.1], self.mean(at) + k * self.std(at)]
+    }
+
+    fn everywhere(&self) -> impl Iterator<Item = (usize, usize)> {
+        let nx = self.plane.x.len();
+        (0..self.plane.u.len()).flat_map(move |j| (0..nx).map(move |i| (i, j)))
+    }
+
+    fn camera(&self, [left, top]: [f64; 2]) -> Camera {
+        let (state, action) = (&self.map.columns.state[0], &self.map.columns.action[0]);
+        let (x, u) = (&self.plane.x, &self.plane.u);
+        let heights = self.everywhere().flat_map(|at| [-2.0, 2.0].map(|k| self.point(at, k)[2]));
+        let (z0, z1) = extent(heights.chain(self.strides.iter().map(|s| s[2])));
+        Camera {
+            axes: [
+                Axis::linear_with(&label(state, "(k)"), x[0], x[x.len() - 1], 6.0),
+                Axis::linear_with(&label(action, "(k)"), u[0], u[u.len() - 1], 6.0),
+                Axis::linear_with(&label(state, "(k + 1)"), z0, z1, 6.0),
+            ],
+            size: [372.0, 190.0],
+            middle: [left + 0.5 * Sheet::FREE_WIDTH + 6.0, top + 0.5 * HEIGHT],
+            // The surface shows its face where it rises away from the camera.
+            towards: self.mean((x.len() / 2, u.len() - 1)) < self.mean((x.len() / 2, 0)),
+        }
+    }
+
+    /// The cells, the farthest first, and two standard deviations above and below along the edges of the surface.
+    fn draw(&self, camera: &Camera, [s0, s1]: [f64; 2]) -> String {
+        let (nx, nu) = (self.plane.x.len(), self.plane.u.len());
+        let (xs, us) = (thin(nx), thin(nu));
+        let mut cells = Vec::new();
+        for j in us.windows(2) {
+            for i in xs.windows(2) {
+                let ring = [(i[0], j[0]), (i[1], j[0]), (i[1], j[1]), (i[0], j[1])];
+                let corners = ring.map(|at| self.point(at, 0.0));
+                let away: f64 = corners.iter().map(|c| camera.see(*c).1).sum();
+                let std = ring.iter().map(|at| self.std(*at)).sum::<f64>() / 4.0;
+                cells.push((away, std, camera.path(corners)));
+            }
+        }
+        cells.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut svg = String::new();
+        for (_, std, d) in &cells {
+            let color = ramp_color((std - s0) / (s1 - s0).max(1e-12));
+            svg += &format!(
+                "<path fill=\"{color}\" fill-opacity=\"0.86\" stroke=\"{color}\" stroke-width=\"0.6\" d=\"{d}Z\"/>"
+            );
+        }
+        let border = (0..nx)
+            .map(|i| (i, 0))
+            .chain((1..nu).map(|j| (nx - 1, j)))
+            .chain((0..nx - 1).rev().map(|i| (i, nu - 1)))
+            .chain((0..nu - 1).rev().map(|j| (0, j)));
+        for k in [-2.0, 2.0] {
+            let edge = border.clone().map(|at| self.point(at, k));
+            svg += &line_svg("s6", Dash::Dashed, &camera.path(edge), 1.2);
+        }
+        svg
+    }
+
+    /// Data, with their distance from the surface.
+    fn draw_strides(&self, camera: &Camera) -> (String, Vec<HoverPoint>) {
+        let nearest = |values: &[f64], v: f64| {
+            let off = |i: &usize| (values[*i] - v).abs();
+            (0..values.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
+        };
+        let (mut svg, mut hover) = (String::new(), Vec::new());
+        for s in &self.strides {
+            let surface = self.mean((nearest(&self.plane.x, s[0]), nearest(&self.plane.u, s[1])));
+            let [x, y] = camera.see(*s).0;
+            svg += &line_svg("s1", Dash::Solid, &camera.path([*s, [s[0], s[1], surface]]), 1.3);
+            svg += &mark_svg("s1", if s[2] >= surface { Mark::Disc } else { Mark::Circle }, x, y, 3.6);
+            let [from, action, to, map] = [s[0], s[1], s[2], surface].map(N);
+            let text = format!("from {from:.2} with {action:.2}: {to:.2} (map {map:.2})");
+            hover.push(HoverPoint { x, y, text });
+        }
+        (svg, hover)
+    }
+}
+
+/// Every so manieth index, first and last among them.
+fn thin(n: usize) -> Vec<usize> {
+    let step = n.saturating_sub(1).div_ceil(CELLS).max(1);
+    (0..n - 1).step_by(step).chain([n - 1]).collect()
+}
+
+/// Draws the first iteration's map of the first state component as a surface over the first state and action, as in
 /// Fig. 13: height is the mean of the next state, colour the standard deviation of the function, dashed
 /// edges two of them above and below; data with their distance from the surface.
 ///
 /// # Errors
 ///
-/// [`ReportError`](crate::ReportError) if the grid is empty, not a grid, or holds a value that is not finite.
-pub fn fig13(data: &MapFigure) -> Result<Figure> {
+/// [`ReportError`](crate::ReportError) if there is no grid, it is not a grid, or holds a value that is not finite.
+pub fn fig13(run: &Run) -> Result<Figure> {
     let stem = "fig13";
-    check_map(stem, data)?;
-    let g = &data.grid;
-    let Some(plane) = plane(g, 0, 0) else {
-        return Err(crate::ReportError::Empty {
-            figure: stem.to_owned(),
-            what: "no plane of state and action".to_owned(),
-        });
-    };
-    let (nx, nu) = (plane.x.len(), plane.u.len());
-    let at = |column: &[f64], i: usize, j: usize| column[plane.rows[j * nx + i]];
-    let mean = |i: usize, j: usize| at(&g.mean[0], i, j);
-    let std = |i: usize, j: usize| at(&g.latent_std[0], i, j);
-    let thin = |n: usize| -> Vec<usize> {
-        let step = n.saturating_sub(1).div_ceil(CELLS).max(1);
-        let mut picks: Vec<usize> = (0..n).step_by(step).collect();
-        if picks.last() != Some(&(n - 1)) {
-            picks.push(n - 1);
-        }
-        picks
-    };
-    let (xs, us) = (thin(nx), thin(nu));
-    let strides: Vec<[f64; 3]> = data
-        .strides
-        .iter()
-        .filter_map(|s| Some([*s.state.first()?, *s.action.first()?, *s.next_state.first()?]))
-        .collect();
-    let everywhere = || (0..nu).flat_map(|j| (0..nx).map(move |i| (i, j)));
-    let heights = everywhere()
-        .flat_map(|(i, j)| [-2.0, 2.0].map(|k| mean(i, j) + k * std(i, j)))
-        .chain(strides.iter().map(|s| s[2]));
-    let (state, action) = (&data.columns.state[0], &data.columns.action[0]);
+    let map = MapOf::new(stem, run, Some(1))?;
+    let crossed = map.strides.iter().filter(|s| s.end == StrideEnd::Crossing);
+    let point = |s: &&Transition| Some([*s.state.first()?, *s.action.first()?, *s.next_state.first()?]);
+    let strides: Vec<[f64; 3]> = crossed.filter_map(point).collect();
+    let surface = Surface { plane: map.first_plane()?, map, strides };
+    let (state, action) = (&surface.map.columns.state[0], &surface.map.columns.action[0]);
     let mut sheet = Sheet::new(stem, "The approximated map of one stride");
     let [left, top] = sheet.free(HEIGHT + 20.0);
-    let (z0, z1) = extent(heights);
-    let camera = Camera {
-        axes: [
-            Axis::linear_with(&label(state, "(k)"), plane.x[0], plane.x[nx - 1], 6.0),
-            Axis::linear_with(&label(action, "(k)"), plane.u[0], plane.u[nu - 1], 6.0),
-            Axis::linear_with(&label(state, "(k + 1)"), z0, z1, 6.0),
-        ],
-        size: [372.0, 190.0],
-        middle: [left + 0.5 * Sheet::FREE_WIDTH + 6.0, top + 0.5 * HEIGHT],
-        // The surface shows its face where it rises away from the camera.
-        towards: mean(nx / 2, nu - 1) < mean(nx / 2, 0),
-    };
-    let mut svg = camera.frame();
-
-    // Where the data are, on the floor.
-    let shadows: String = strides
-        .iter()
-        .map(|s| {
-            let [x, y] = camera.see([s[0], s[1], z0]).0;
-            mark_svg("s6", Mark::Dot, x, y, 2.2)
-        })
-        .collect();
-    svg.push_str(&shadows);
-
-    // The surface, the farthest cell first.
-    let (s0, s1) = extent(everywhere().map(|(i, j)| std(i, j)));
-    let mut cells = Vec::new();
-    for j in us.windows(2) {
-        for i in xs.windows(2) {
-            let ring = [(i[0], j[0]), (i[1], j[0]), (i[1], j[1]), (i[0], j[1])];
-            let corners = ring.map(|(i, j)| [plane.x[i], plane.u[j], mean(i, j)]);
-            let away: f64 = corners.iter().map(|c| camera.see(*c).1).sum();
-            let doubt = ring.iter().map(|(i, j)| std(*i, *j)).sum::<f64>() / 4.0;
-            cells.push((away, doubt, camera.path(corners)));
-        }
-    }
-    cells.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (_, doubt, d) in &cells {
-        let color = ramp_color((doubt - s0) / (s1 - s0).max(1e-12));
-        svg.push_str(&format!(
-            "<path fill=\"{color}\" fill-opacity=\"0.86\" stroke=\"{color}\" stroke-width=\"0.6\" d=\"{d}Z\"/>"
-        ));
-    }
-    // Two standard deviations above and below, along the edges of the surface.
-    let border: Vec<(usize, usize)> = (0..nx)
-        .map(|i| (i, 0))
-        .chain((1..nu).map(|j| (nx - 1, j)))
-        .chain((0..nx - 1).rev().map(|i| (i, nu - 1)))
-        .chain((0..nu - 1).rev().map(|j| (0, j)))
-        .collect();
-    for k in [-2.0, 2.0] {
-        let edge = border.iter().map(|&(i, j)| [plane.x[i], plane.u[j], mean(i, j) + k * std(i, j)]);
-        svg.push_str(&line_svg("s6", Dash::Dashed, &camera.path(edge), 1.2));
-    }
-
-    // Data, with their distance from the surface.
-    let nearest = |values: &[f64], v: f64| {
-        let off = |i: &usize| (values[*i] - v).abs();
-        (0..values.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
-    };
-    let mut hover = Vec::new();
-    for s in &strides {
-        let surface = mean(nearest(&plane.x, s[0]), nearest(&plane.u, s[1]));
-        let [x, y] = camera.see(*s).0;
-        let stem = camera.path([*s, [s[0], s[1], surface]]);
-        svg.push_str(&line_svg("s1", Dash::Solid, &stem, 1.3));
-        let mark = if s[2] >= surface { Mark::Disc } else { Mark::Circle };
-        svg.push_str(&mark_svg("s1", mark, x, y, 3.6));
-        hover.push(HoverPoint {
-            x,
-            y,
-            text: format!(
-                "from {} with {}: {} (map {})",
-                signed(s[0], 2),
-                signed(s[1], 2),
-                signed(s[2], 2),
-                signed(surface, 2)
-            ),
-        });
-    }
+    let camera = surface.camera([left, top]);
+    let [z0, z1] = camera.ends(2);
+    let (s0, s1) = extent(surface.everywhere().map(|at| surface.std(at)));
     let unit = quantity(state).1;
-    svg.push_str(&color_bar(
-        [left + Sheet::FREE_WIDTH - 240.0, top + 10.0],
-        [s0, s1],
-        &format!("standard deviation of the function ({unit})"),
-    ));
+
+    let mut svg = camera.frame();
+    // Where the data are, on the floor.
+    for s in &surface.strides {
+        let [x, y] = camera.see([s[0], s[1], z0]).0;
+        svg += &mark_svg("s6", Mark::Dot, x, y, 2.2);
+    }
+    svg += &surface.draw(&camera, [s0, s1]);
+    let (data, hover) = surface.draw_strides(&camera);
+    svg += &data;
+    let at = [left + Sheet::FREE_WIDTH - 240.0, top + 10.0];
+    svg += &color_bar(at, [s0, s1], &format!("standard deviation of the function ({unit})"));
     sheet.draw(&svg, hover);
     sheet.key("stride above the surface", Key::Mark("s1", Mark::Disc));
     sheet.key("below it", Key::Mark("s1", Mark::Circle));
     sheet.key("mean ± 2 sd at the edges", Key::Line("s6", Dash::Dashed));
 
+    let (n, [x, u]) = (surface.strides.len(), [state, action].map(|name| plain(&quantity(name).0)));
+    let [least, most, noise] = [s0, s1, surface.at(&surface.map.grid.noise_std[0], (0, 0))].map(N);
     let caption = format!(
-        "Fig. 13 of the paper. Map of the small humanoid's stepping after n = {} strides (points, with their distance from the \
-         surface; dots on the floor show where they are): mean of {} after a stride (height) over {} before it and the action {}. \
-         Colour: standard deviation of the function, {} to {} {unit}; dashed edges: two of them above and below the surface, which \
-         is a guess where no data are. The standard deviation of the noise is {} {unit}.",
-        strides.len(),
-        plain(&quantity(state).0),
-        plain(&quantity(state).0),
-        plain(&quantity(action).0),
-        number(s0, 2),
-        number(s1, 2),
-        number(at(&g.noise_std[0], 0, 0), 2),
+        "Fig. 13 of the paper. Map of the small humanoid's stepping after n = {n} strides (points, with their distance from the \
+         surface; dots on the floor show where they are): mean of {x} after a stride (height) over {x} before it and the action {u}. \
+         Colour: standard deviation of the function, {least:#.2} to {most:#.2} {unit}; dashed edges: two of them above and below the \
+         surface, which is a guess where no data are. The standard deviation of the noise is {noise:#.2} {unit}."
     );
     let mut csv = format!("series,{state},{action},next_{state},latent_std,noise_std\n");
-    for i in &plane.rows {
-        csv.push_str(&format!(
-            "map,{},{},{},{},{}\n",
-            g.state[0][*i], g.action[0][*i], g.mean[0][*i], g.latent_std[0][*i], g.noise_std[0][*i]
-        ));
+    csv += &surface.map.csv(&surface.plane, "map,");
+    for [x, u, next] in &surface.strides {
+        csv += &format!("stride,{x},{u},{next},,\n");
     }
-    for [x, u, next] in &strides {
-        csv.push_str(&format!("stride,{x},{u},{next},,\n"));
-    }
+    let [low, high] = [z0, z1].map(N);
     let alt = format!(
-        "Surface of the predicted next {} over state and action, between {} and {} {unit}, with {} strides as points.",
-        plain(&quantity(state).0),
-        number(z0, 2),
-        number(z1, 2),
-        strides.len()
+        "Surface of the predicted next {x} over state and action, between {low:#.2} and {high:#.2} {unit}, with {n} strides as \
+         points."
     );
     Ok(sheet.finish(&caption, &alt, csv))
 }
@@ -296,13 +293,7 @@ fn color_bar([left, top]: [f64; 2], [lo, hi]: [f64; 2], name: &str) -> String {
         })
         .collect();
     let mut note = |x: f64, y: f64, anchor: Anchor, class: &str, text: &str| {
-        svg.push_str(&format!(
-            "<text class=\"{class}\" x=\"{}\" y=\"{}\" font-size=\"{TICK}\" text-anchor=\"{}\">{}</text>",
-            coord(x),
-            coord(y),
-            anchor.name(),
-            spans(text, TICK)
-        ));
+        svg += &text_svg(class, x, y, TICK, anchor, text);
     };
     note(left, top + 30.0, Anchor::Start, "mut", &number(lo, 2));
     note(left + WIDTH, top + 30.0, Anchor::End, "mut", &number(hi, 2));
@@ -346,24 +337,25 @@ mod tests {
             next_state: [next].as_slice().into(),
             ..Default::default()
         };
-        let data = MapFigure {
-            iteration: 1,
+        let grid = stridemap_record::grid::MapGrid {
+            state_axis: vec![0; 9],
+            action_axis: vec![0; 9],
+            mean: vec![action.iter().map(|u| 1.0 - u).collect()],
+            latent_std: vec![vec![0.1; 9]],
+            noise_std: vec![vec![0.3; 9]],
+            state: vec![state],
+            action: vec![action],
+        };
+        let run = Run {
             columns: stridemap_record::Columns {
                 state: vec!["psi_roll_deg".into()],
                 action: vec!["ankle_roll_amplitude_deg".into()],
             },
-            grid: stridemap_record::grid::MapGrid {
-                state_axis: vec![0; 9],
-                action_axis: vec![0; 9],
-                mean: vec![action.iter().map(|u| 1.0 - u).collect()],
-                latent_std: vec![vec![0.1; 9]],
-                noise_std: vec![vec![0.3; 9]],
-                state: vec![state],
-                action: vec![action],
-            },
-            strides: vec![stride(0.0, 0.5, 0.9), stride(1.0, 1.0, -0.4)],
+            grids: vec![(1, grid)],
+            transitions: vec![stride(0.0, 0.5, 0.9), stride(1.0, 1.0, -0.4)],
+            ..Run::default()
         };
-        let figure = fig13(&data).unwrap();
+        let figure = fig13(&run).unwrap();
         assert_eq!(figure.csv.lines().count(), 1 + 9 + 2);
         assert!(figure.csv.contains("\nstride,0,0.5,0.9,,\n"));
         assert_eq!(figure.svg.matches("fill-opacity=\"0.86\"").count(), 4, "cells");
@@ -371,7 +363,6 @@ mod tests {
         assert_eq!(figure.svg.matches("class=\"f1 sbg\"").count(), 2);
         assert_eq!(figure.svg.matches("class=\"bg s1\"").count(), 2);
         assert_eq!(figure.hover[0].text, "from 0.00 with 0.50: 0.90 (map 0.50)");
-        let empty = MapFigure { grid: Default::default(), ..data };
-        assert!(fig13(&empty).is_err());
+        assert!(fig13(&Run::default()).is_err());
     }
 }

@@ -1,8 +1,8 @@
-//! Can it be trusted: predictions against outcomes, residuals, success over seeds.
+//! Can it be trusted: predictions against outcomes, residuals.
 
 use super::check::{column, some};
 use super::names::{label, quantity};
-use crate::draw::{Axis, Dash, Key, Mark, Sheet, number, plain, signed};
+use crate::draw::{Axis, Dash, Key, Mark, N, Sheet, plain};
 use crate::error::Result;
 use crate::figure::Figure;
 use stridemap_map::{SavedLeaveOneOut, SavedMap, SavedOutput};
@@ -79,18 +79,10 @@ pub fn predicted_actual(map: &SavedMap) -> Result<Figure> {
             p.marks(&points, class, if inside { Mark::Disc } else { Mark::Diamond }, 3.4);
         }
         for (i, residual) in r.iter().enumerate() {
-            p.hover(
-                l.actual[i],
-                l.mean[i],
-                format!(
-                    "stride {}: predicted {} ± {}, actual {}",
-                    i + 1,
-                    signed(l.mean[i], 3),
-                    signed(l.std[i], 3),
-                    signed(l.actual[i], 3)
-                ),
-            );
-            csv.push_str(&format!("{},{},{},{},{}\n", o.name, l.actual[i], l.mean[i], l.std[i], residual.abs() <= 2.0));
+            let [actual, mean, std] = [l.actual[i], l.mean[i], l.std[i]];
+            let (k, [a, m, s]) = (i + 1, [actual, mean, std].map(N));
+            p.hover(actual, mean, format!("stride {k}: predicted {m:.3} ± {s:.3}, actual {a:.3}"));
+            csv += &format!("{},{actual},{mean},{std},{}\n", o.name, residual.abs() <= 2.0);
         }
         p.key("prediction ± 2 sd", Key::Mark("s0", Mark::Disc));
         p.key("outcome outside ± 2 sd", Key::Mark("s1", Mark::Diamond));
@@ -154,18 +146,9 @@ pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
         for (i, density) in histogram(r).iter().enumerate() {
             let from = -EDGE + BIN * i as f64;
             p.bar((from + 0.03, from + BIN - 0.03), (0.0, *density), "s0", 0.55);
-            p.hover(
-                from + 0.5 * BIN,
-                *density,
-                format!(
-                    "{} to {} sd: {} of {}",
-                    signed(from, 1),
-                    signed(from + BIN, 1),
-                    (density * BIN * r.len() as f64).round(),
-                    r.len()
-                ),
-            );
-            csv.push_str(&format!("{name},{from},{},{density}\n", from + BIN));
+            let (n, count) = (r.len(), (density * BIN * r.len() as f64).round());
+            p.hover(from + 0.5 * BIN, *density, format!("{:.1} to {:.1} sd: {count} of {n}", N(from), N(from + BIN)));
+            csv += &format!("{name},{from},{},{density}\n", from + BIN);
         }
         let normal: Vec<(f64, f64)> = (-80..=80)
             .map(|i| {
@@ -177,13 +160,9 @@ pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
         p.key("residuals", Key::Band("s0", 0.55));
         p.key("N(0, 1)", Key::Line("s1", Dash::Dashed));
         sheet.add(p);
-        let n = r.len() as f64;
-        scores.push(format!(
-            "{name}: n = {}, {} % within ±1 sd, {} % within ±2 sd",
-            r.len(),
-            number(100.0 * within(r, 1.0) as f64 / n, 3),
-            number(100.0 * within(r, 2.0) as f64 / n, 3)
-        ));
+        let n = r.len();
+        let [one, two] = [1.0, 2.0].map(|k| N(100.0 * within(r, k) as f64 / n as f64));
+        scores.push(format!("{name}: n = {n}, {one:#.3} % within ±1 sd, {two:#.3} % within ±2 sd"));
     }
     let caption = format!(
         "Map of iteration {}. Leave-one-out residuals, each divided by its predicted standard deviation (bars of half a deviation; those beyond \
@@ -193,101 +172,4 @@ pub fn standardized_residuals(map: &SavedMap) -> Result<Figure> {
     );
     let alt = format!("Histogram of standardized residuals against the normal density. {}.", scores.join("; "));
     Ok(sheet.finish(&caption, &alt, csv))
-}
-
-/// How many runs of a number of strides succeeded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SuccessRate {
-    /// Training and evaluation strides of each run.
-    pub strides: u32,
-    /// Runs that met every criterion.
-    pub successes: u32,
-    /// All runs, one per seed.
-    pub runs: u32,
-}
-
-impl SuccessRate {
-    /// Wilson's 95 % interval of the share of successes.
-    #[must_use]
-    pub fn wilson(&self) -> (f64, f64) {
-        // The normal deviate that leaves 2.5 % on either side.
-        const Z: f64 = 1.959_963_984_540_054;
-        if self.runs == 0 {
-            return (0.0, 1.0);
-        }
-        let n = f64::from(self.runs);
-        let p = f64::from(self.successes) / n;
-        let middle = (p + Z * Z / (2.0 * n)) / (1.0 + Z * Z / n);
-        let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
-        ((middle - half).max(0.0), (middle + half).min(1.0))
-    }
-}
-
-/// Draws the share of successful runs against the strides that each was given.
-///
-/// # Errors
-///
-/// [`ReportError::Empty`](crate::ReportError::Empty) if there is no entry.
-pub fn success_against_strides(rates: &[SuccessRate]) -> Result<Figure> {
-    let stem = "success";
-    some(stem, "no run", rates.len())?;
-    let mut sorted = rates.to_vec();
-    sorted.sort_by_key(|r| r.strides);
-    let last = f64::from(sorted[sorted.len() - 1].strides);
-    let mut sheet = Sheet::new(stem, "How many strides it takes");
-    let mut p = sheet.single(
-        260.0,
-        Axis::counting("strides on the robot (training and evaluation)", 0.0, last * 1.06),
-        Axis::linear("runs that succeed (%)", 0.0, 104.0),
-    );
-    let share = |r: &SuccessRate| 100.0 * f64::from(r.successes) / f64::from(r.runs.max(1));
-    let points: Vec<(f64, f64)> = sorted.iter().map(|r| (f64::from(r.strides), share(r))).collect();
-    let bars: Vec<_> =
-        sorted.iter().map(|r| (f64::from(r.strides), 100.0 * r.wilson().0, 100.0 * r.wilson().1)).collect();
-    p.across(95.0, "ref", Dash::Dotted);
-    p.error_bars(&bars, "s0", 4.0);
-    p.line(&points, "s0", Dash::Solid, 2.0);
-    p.marks(&points, "s0", Mark::Disc, 4.4);
-    let mut csv = String::from("strides,successes,runs,share,wilson_low,wilson_high\n");
-    for (r, (x, y)) in sorted.iter().zip(&points) {
-        let (lo, hi) = r.wilson();
-        p.hover(
-            *x,
-            *y,
-            format!(
-                "{} strides: {} of {} runs, {} to {} %",
-                r.strides,
-                r.successes,
-                r.runs,
-                number(100.0 * lo, 3),
-                number(100.0 * hi, 3)
-            ),
-        );
-        csv.push_str(&format!("{},{},{},{},{lo},{hi}\n", r.strides, r.successes, r.runs, y / 100.0));
-    }
-    p.key("share of runs, 95 % Wilson interval", Key::Both("s0", Dash::Solid, Mark::Disc));
-    p.key("95 %", Key::Line("ref", Dash::Dotted));
-    sheet.add(p);
-    let each: Vec<String> = sorted.iter().map(|r| format!("{} of {} at {}", r.successes, r.runs, r.strides)).collect();
-    let caption = format!(
-        "Share of runs, one per seed, that meet every criterion of the task, against the strides on the robot that each run was given: {}. Bars: \
-         Wilson's 95 % interval. The paper uses 20 strides, 5 runs.",
-        each.join(", ")
-    );
-    let alt = format!("Share of successful runs against strides: {}.", each.join(", "));
-    Ok(sheet.finish(&caption, &alt, csv))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wilson_agrees_with_the_textbook() {
-        // 0 of 10: upper bound z² / (n + z²) = 0.2775; 10 of 10 mirrors it.
-        let none = SuccessRate { strides: 20, successes: 0, runs: 10 };
-        assert!((none.wilson().1 - 0.277_5).abs() < 1e-4 && none.wilson().0.abs() < 1e-12);
-        let all = SuccessRate { strides: 20, successes: 10, runs: 10 };
-        assert!((all.wilson().0 - 0.722_5).abs() < 1e-4);
-    }
 }

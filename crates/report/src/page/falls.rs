@@ -1,6 +1,7 @@
 //! Falls and their causes, as a table.
 
-use crate::draw::{escape, number, plural};
+use super::html;
+use crate::draw::{N, escape, plural};
 use stridemap_record::{Fall, FallCriterion, Run};
 
 /// Rows that a reader looks at; the rest is counted.
@@ -16,14 +17,10 @@ const fn words(criterion: FallCriterion) -> (&'static str, &'static str, &'stati
     }
 }
 
-fn row(place: &str, fall: &Fall) -> String {
+fn row(place: &str, fall: &Fall) -> Vec<String> {
     let (what, unit, side) = words(fall.criterion);
-    format!(
-        "<tr><td>{}</td><td>{what}</td><td class=\"num\">{}{unit}</td><td class=\"num\">{side} {}{unit}</td></tr>",
-        escape(place),
-        number(fall.value, 3),
-        number(fall.threshold, 3)
-    )
+    let (value, threshold) = (N(fall.value), N(fall.threshold));
+    vec![escape(place), what.to_owned(), format!("{value:#.3}{unit}"), format!("{side} {threshold:#.3}{unit}")]
 }
 
 /// Every fall and stall of a run whose cause is known; nothing without one.
@@ -33,7 +30,7 @@ pub(super) fn table(run: &Run) -> String {
         let place = format!("stride {} (iteration {})", i + 1, t.iteration);
         Some(row(&place, &t.fall?))
     });
-    let mut rows: Vec<String> = fell.collect();
+    let mut rows: Vec<Vec<String>> = fell.collect();
     let starts = run.summary.iter().flat_map(|s| &s.falls);
     let starts = starts.filter(|f| f.stride.is_none());
     rows.extend(starts.map(|f| {
@@ -59,9 +56,6 @@ pub(super) fn table(run: &Run) -> String {
             plural(n, "more fall")
         ),
     };
-    format!(
-        "<div class=\"wide\"><table><thead><tr><th>the robot fell in</th><th>by</th><th class=\"num\">measured</th>\
-         <th class=\"num\">threshold</th></tr></thead><tbody>{}</tbody></table></div>{more}",
-        rows.concat()
-    )
+    let columns = [("the robot fell in", false), ("by", false), ("measured", true), ("threshold", true)];
+    html::table(&columns, &rows) + &more
 }

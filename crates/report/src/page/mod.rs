@@ -2,6 +2,8 @@
 
 mod facts;
 mod falls;
+mod html;
+mod model;
 mod replay;
 
 use std::path::Path;
@@ -12,7 +14,8 @@ use base64::engine::general_purpose::STANDARD;
 use crate::draw::{escape, page_variables};
 use crate::error::{ReportError, Result};
 use crate::figure::{Figure, write_aside};
-use crate::report::{Section, comparison, sections};
+use crate::figures::runs_compared;
+use crate::report::{Section, sections};
 use stridemap_record::{Recording, Run};
 
 const STYLE: &str = include_str!("../../assets/page/style.css");
@@ -119,7 +122,7 @@ impl Page {
                 self.body.push_str(&format!("<h3>{}</h3>{remarks}", escape(&run.name)));
             }
         }
-        match comparison(runs) {
+        match runs_compared(runs) {
             Ok(figure) => self.figure(&figure, "all"),
             Err(_) => self.body.push_str("<p class=\"note\">No run has a measured iteration to compare yet.</p>"),
         }
@@ -144,7 +147,7 @@ impl Page {
              <button class=\"home\" aria-label=\"Whole figure\">1:1</button></div></div>\
              <figcaption>{caption}</figcaption></figure>\n",
             title = escape(&figure.title),
-            caption = facts::subscripts(&figure.caption)
+            caption = html::subscripts(&figure.caption)
         ));
     }
 
@@ -196,7 +199,7 @@ impl Page {
                 if runs.len() > 1 {
                     self.body.push_str(&format!("<h3>{}</h3>", escape(&run.name)));
                 }
-                self.body.push_str(&facts::model_card(run));
+                self.body.push_str(&model::card(run));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Data for Figs. 7 to 10.
 
 use super::Lcg;
+use stridemap_record::{ComparePoint, PushOutcome, PushPair, Spread};
 use stridemap_report::figures::*;
 
 pub fn fig7_data() -> Fig7 {
@@ -20,15 +21,16 @@ pub fn fig7_data() -> Fig7 {
 }
 
 pub fn fig8_data() -> Fig8 {
-    let trials = (0..=15)
+    let trials = (0..=15_u32)
         .map(|t| {
             let t64 = f64::from(t);
             let gp = -0.9 * (-0.75 * t64).exp() - 0.0016;
             let full = -0.85 * (-0.48 * t64).exp() - 0.0041;
-            TrialComparison {
-                trial: t,
-                gp: MeanSd { mean: gp, sd: 0.45 * gp.abs() },
-                full: MeanSd { mean: full, sd: 0.3 * full.abs() },
+            let spread = |mean: f64, share: f64| Spread { mean, sd: Some(share * mean.abs()) };
+            ComparePoint {
+                trial: t as usize,
+                gp: spread(gp, 0.45),
+                full: spread(full, 0.3),
                 p_value: if t == 0 { None } else { Some(0.4 / (1.0 + t64 * t64 / 5.0)) },
             }
         })
@@ -41,8 +43,13 @@ pub fn fig9_data() -> Fig9 {
     let x: Vec<f64> = (0..=60).map(|i| f64::from(i) * 0.1).collect();
     let sigmoid = |v: f64, a: f64| 5.5 / (1.0 + (-a * (v - 2.1)).exp()) - 1.0;
     let curve = |a: f64, far: f64, rng: &mut Lcg| PolicyCurve {
-        mean: x.iter().map(|v| sigmoid(*v, a) + far * (v - 4.0).max(0.0)).collect(),
-        sd: x.iter().map(|v| 0.25 + 0.12 * (v - 2.0).abs().powf(1.5)).collect(),
+        spread: x
+            .iter()
+            .map(|v| Spread {
+                mean: sigmoid(*v, a) + far * (v - 4.0).max(0.0),
+                sd: Some(0.25 + 0.12 * (v - 2.0).abs().powf(1.5)),
+            })
+            .collect(),
         visited: (0..140).map(|_| 2.1 + 0.75 * rng.normal()).collect(),
     };
     let gp = curve(1.7, -0.5, &mut rng);
@@ -50,25 +57,22 @@ pub fn fig9_data() -> Fig9 {
     Fig9 { psi_roll_deg: x.clone(), gp, full, seeds: 5, action_label: "A_{step} (deg)".to_owned() }
 }
 
-pub fn fig10_data() -> Fig10 {
+/// Pushes of the nominal gait and of the learned policy.
+pub fn pushed() -> [PushOutcome; 2] {
     let mut rng = Lcg(10);
-    let mut map = |name: &str, slope: f64, fixed: f64, falls: usize| {
-        let pairs = (0..39)
-            .map(|_| {
-                let psi = fixed + 1.1 * rng.normal();
-                ReturnPair {
-                    psi_roll_deg: psi,
-                    psi_roll_after_2_deg: fixed + slope * (psi - fixed) + 0.12 * rng.normal(),
-                    force_n: Some(80.0 * (rng.uniform() - 0.5)),
-                }
-            })
-            .collect();
-        ReturnMap { name: name.to_owned(), pairs, slope: Some(slope), fixed_point_deg: Some(fixed), falls }
-    };
-    Fig10 {
-        maps: vec![map("nominal gait", 0.66, 3.02, 1), map("learned policy", 0.12, 2.03, 0)],
-        target_deg: Some(2.0),
-        force_n: Some(40.0),
-        duration_s: Some(0.2),
-    }
+    [(0.66, 3.02, 1), (0.12, 2.03, 0)].map(|(slope, fixed, falls)| {
+        let pair = |_| {
+            let psi_roll_deg = fixed + 1.1 * rng.normal();
+            let psi_roll_after_2_deg = fixed + slope * (psi_roll_deg - fixed) + 0.12 * rng.normal();
+            let force_n = 80.0 * (rng.uniform() - 0.5);
+            PushPair { k: 0, psi_roll_deg, psi_roll_after_1_deg: f64::NAN, psi_roll_after_2_deg, force_n }
+        };
+        PushOutcome {
+            data: (0..39).map(pair).collect(),
+            slope: Some(slope),
+            fixed_point_deg: Some(fixed),
+            falls,
+            ..PushOutcome::default()
+        }
+    })
 }

@@ -3,10 +3,9 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use stridemap_process::StrideEnd;
 use stridemap_record::{Recording, Run, Summary};
 use stridemap_report::ReportError;
-use stridemap_report::figures::{Fig14, MapFigure, Shot, Strip, TimeLapse, View, fig13, fig14};
+use stridemap_report::figures::{Shot, Strip, TimeLapse, View, fig13, fig14};
 
 use super::runs::{Runs, RunsOfTask};
 use super::{Row, row, spread, write_strips};
@@ -30,10 +29,10 @@ pub fn stepping(dir: &Path, wanted: &BTreeSet<FigureName>, runs: &Runs<'_>) -> R
     let RunsOfTask { first, summaries } = one(runs.of(&["small-stepping"])?)?;
     let mut rows = Vec::new();
     if wanted.contains(&FigureName::Fig13) {
-        fig13(&first_map(&first)?)?.write(dir)?;
+        fig13(&first)?.write(dir)?;
     }
     if wanted.contains(&FigureName::Fig14) {
-        fig14(&roll_at_sections(&first)?)?.write(dir)?;
+        fig14(&first)?.write(dir)?;
         let command = runs.command("small-stepping");
         let mean = |of: &dyn Fn(&Summary) -> Option<f64>| {
             let values: Vec<f64> = summaries.iter().filter_map(of).map(f64::abs).collect();
@@ -77,36 +76,6 @@ pub fn stepping(dir: &Path, wanted: &BTreeSet<FigureName>, runs: &Runs<'_>) -> R
 
 fn missing(run: &Run, what: &str) -> Failure {
     ReportError::Empty { figure: run.dir.display().to_string(), what: what.into() }.into()
-}
-
-/// The first iteration's map with its training strides.
-fn first_map(run: &Run) -> Result<MapFigure, Failure> {
-    let grid = run.grids.iter().find(|g| g.0 == 1);
-    let (iteration, grid) = grid.ok_or_else(|| missing(run, "no map of the first iteration"))?;
-    let data = run.map_strides(*iteration);
-    Ok(MapFigure {
-        iteration: *iteration,
-        columns: run.columns.clone(),
-        grid: grid.clone(),
-        strides: data.filter(|s| s.end == StrideEnd::Crossing).cloned().collect(),
-    })
-}
-
-/// ψ_roll at the sections of the first iteration's policy.
-fn roll_at_sections(run: &Run) -> Result<Fig14, Failure> {
-    let sections = |what: &str| -> Vec<f64> {
-        let rows = run.record.iter().filter(|r| r.0 == what).map(|r| &r.1);
-        rows.filter(|r| r.end == StrideEnd::Crossing).filter_map(|r| r.next_state.first().copied()).collect()
-    };
-    let psi_roll_deg = sections("iteration-1");
-    let target_deg = run.target_deg().ok_or_else(|| missing(run, "no desired angle in config.toml"))?;
-    Ok(Fig14 {
-        discard: run.record_discard().unwrap_or(0),
-        psi_roll_deg,
-        nominal_psi_roll_deg: sections("nominal"),
-        target_deg,
-        samples: run.map_strides(1).count(),
-    })
 }
 
 /// A film from the first section after the start has died away.

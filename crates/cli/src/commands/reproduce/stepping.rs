@@ -8,8 +8,8 @@ use stridemap_gp::{Gp, Hyperparameters, Kernel, Mean, Points};
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{Algorithm, LabError, PushConfig, builtin, push};
 use stridemap_learn::SavedPolicy;
-use stridemap_record::{Performance, PushOutcome};
-use stridemap_report::figures::{Fig7, Fig10, ReturnMap, ReturnPair, fig7, fig8, fig9, fig10};
+use stridemap_record::{ComparePoint, Performance, PushOutcome, Spread};
+use stridemap_report::figures::{Fig7, fig7, fig8, fig9, fig10};
 
 use super::{Row, row};
 use crate::args::Common;
@@ -43,7 +43,8 @@ pub fn learning(dir: &Path, curves: bool, policies: bool, seeds: u64, common: &C
 /// Draws Fig. 10, and returns the rows of the table.
 pub fn pushes(dir: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Failure> {
     let pushed = pushed_policies(seeds, common)?;
-    fig10(&fig10_data(&pushed[0]))?.write(dir)?;
+    let maps = [("nominal gait", &pushed[0].nominal), ("learned policy", &pushed[0].learned)];
+    fig10(&maps, pushed[0].target_deg)?.write(dir)?;
     Ok(rows_of_pushes(&pushed))
 }
 
@@ -108,38 +109,10 @@ fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> 
     Ok(results.into_iter().collect::<Result<Vec<_>, _>>()?)
 }
 
-/// The pairs of a push experiment as the figure wants them.
-fn return_map(name: &str, outcome: &PushOutcome) -> ReturnMap {
-    ReturnMap {
-        name: name.into(),
-        pairs: outcome
-            .data
-            .iter()
-            .map(|p| ReturnPair {
-                psi_roll_deg: p.psi_roll_deg,
-                psi_roll_after_2_deg: p.psi_roll_after_2_deg,
-                force_n: Some(p.force_n),
-            })
-            .collect(),
-        slope: outcome.slope,
-        fixed_point_deg: outcome.fixed_point_deg,
-        falls: outcome.falls,
-    }
-}
-
-fn fig10_data(pushed: &Pushed) -> Fig10 {
-    Fig10 {
-        maps: vec![return_map("nominal gait", &pushed.nominal), return_map("learned policy", &pushed.learned)],
-        target_deg: pushed.target_deg,
-        force_n: Some(PUSHES.force_n),
-        duration_s: Some(PUSHES.duration_s),
-    }
-}
-
 fn rows_of_comparison(c: &Comparison) -> Vec<Row> {
     let command = format!("compare stepping-paper --seeds {}", c.seeds);
     let last = c.trials.last();
-    let reward = |of: &dyn Fn(&stridemap_lab::ComparePoint) -> stridemap_record::Spread| {
+    let reward = |of: &dyn Fn(&ComparePoint) -> Spread| {
         last.map_or("-".into(), |t| {
             let s = of(t);
             format!("{:+.4} (sd {:.4}, n = {})", s.mean, s.sd.unwrap_or(0.0), c.seeds)

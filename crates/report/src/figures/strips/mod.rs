@@ -16,7 +16,7 @@ mod picture;
 mod silhouette;
 
 use super::check::some;
-use crate::draw::{Sheet, coord, number, signed, spans};
+use crate::draw::{Anchor, N, Sheet, number, signed, text_svg};
 use crate::error::Result;
 use crate::figure::Figure;
 use stridemap_record::{Recording, Run};
@@ -138,18 +138,11 @@ fn draw(figure: &TimeLapse, rows: &[Vec<Silhouette>], stage: &Stage, shot: Shot)
         let [left, top] = sheet.free(height);
         let floor = top + height - BELOW;
         let (svg, hover) = picture(strip, row, stage, shot.view, [left, floor]);
-        let title = spans(&format!("{head}{}", strip.name), 13.0);
-        let speed = strip.speed_m_s.map(|v| format!("{} m/s", signed(v, 3))).unwrap_or_default();
-        sheet.draw(
-            &format!(
-                "<text class=\"pnl\" x=\"{0}\" y=\"{1}\" font-size=\"13\">{title}</text>\
-                 <text class=\"pnl\" x=\"{2}\" y=\"{1}\" font-size=\"13\" text-anchor=\"end\">{speed}</text>{svg}",
-                coord(left),
-                coord(top + 15.0),
-                coord(left + Sheet::FREE_WIDTH),
-            ),
-            hover,
-        );
+        let speed = strip.speed_m_s.map(|v| format!("{:.3} m/s", N(v))).unwrap_or_default();
+        let (y, name) = (top + 15.0, format!("{head}{}", strip.name));
+        let title = text_svg("pnl", left, y, 13.0, Anchor::Start, &name);
+        let speed = text_svg("pnl", left + Sheet::FREE_WIDTH, y, 13.0, Anchor::End, &speed);
+        sheet.draw(&(title + &speed + &svg), hover);
         said.push(caption_of(&head, strip, row, shot.view));
         for silhouette in row {
             for piece in &silhouette.pieces {
@@ -238,10 +231,7 @@ mod tests {
                 .map(|i| Frame {
                     time_s: 0.5 * f64::from(i),
                     poses: vec![[speed_m_s * 0.5 * f64::from(i), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]],
-                    cop_m: None,
-                    loads_n: [0.0; 2],
-                    crossing: false,
-                    push_n: None,
+                    ..Frame::default()
                 })
                 .collect(),
         }

@@ -5,16 +5,6 @@ use stridemap_robot::ShapeKind;
 /// Points around a circle; a circle of radius 1 is then drawn to 0.4 %.
 pub(super) const AROUND: usize = 36;
 
-/// `R(q) v` for a unit quaternion (w, x, y, z).
-pub(super) fn turn([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let cross =
-        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let q = [x, y, z];
-    let t = cross(q, v).map(|c| 2.0 * c);
-    let qt = cross(q, t);
-    [0, 1, 2].map(|i| v[i] + w * t[i] + qt[i])
-}
-
 /// A shape as the hull of points, each the centre of a ball of one radius.
 pub(super) fn balls(kind: ShapeKind) -> (Vec<[f64; 3]>, f64) {
     let around = |i: usize, of: usize| 2.0 * std::f64::consts::PI * i as f64 / of as f64;
@@ -77,17 +67,6 @@ pub(super) fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     out
 }
 
-/// Size of a shape, for finding the largest.
-pub(super) fn volume(kind: ShapeKind) -> f64 {
-    match kind {
-        ShapeKind::Sphere { radius_m: r } => 4.2 * r.powi(3),
-        ShapeKind::Capsule { radius_m: r, half_length_m: h } => 6.3 * r * r * h + 4.2 * r.powi(3),
-        ShapeKind::Cylinder { radius_m: r, half_length_m: h } => 6.3 * r * r * h,
-        ShapeKind::Ellipsoid { semi_axes_m: [a, b, c] } => 4.2 * a * b * c,
-        ShapeKind::Box { half_extents_m: [a, b, c] } => 8.0 * a * b * c,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,15 +76,5 @@ mod tests {
         let points = vec![[0.0, 0.0], [1.0, 1.0], [0.5, 0.5], [1.0, 0.0], [0.5, 0.0], [0.0, 1.0], [0.0, 0.0]];
         assert_eq!(hull(points), [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
         assert_eq!(hull(vec![[1.0, 2.0]; 3]), [[1.0, 2.0]]);
-    }
-
-    /// A quarter turn about z takes x to y.
-    #[test]
-    fn rotations_turn_as_quaternions_do() {
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        let turned = turn([half, 0.0, 0.0, half], [1.0, 0.0, 2.0]);
-        for (a, b) in turned.iter().zip([0.0, 1.0, 2.0]) {
-            assert!((a - b).abs() < 1e-12);
-        }
     }
 }

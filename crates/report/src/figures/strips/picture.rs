@@ -2,7 +2,7 @@
 
 use super::silhouette::{Silhouette, Tone, View};
 use super::{Shot, Strip};
-use crate::draw::{Anchor, Sheet, coord, number, signed, spans, width};
+use crate::draw::{Anchor, Sheet, coord, number, signed, text_svg, width};
 use crate::figure::HoverPoint;
 
 /// Size of small text, px.
@@ -173,13 +173,7 @@ fn text(x: f64, y: f64, anchor: Anchor, class: &str, text: &str) -> String {
         Anchor::Middle => x.clamp(Sheet::LEFT + half, Sheet::LEFT + Sheet::FREE_WIDTH - half),
         _ => x,
     };
-    format!(
-        "<text class=\"{class}\" x=\"{}\" y=\"{}\" font-size=\"{SMALL}\" text-anchor=\"{}\">{}</text>",
-        coord(x),
-        coord(y),
-        anchor.name(),
-        spans(text, SMALL)
-    )
+    text_svg(class, x, y, SMALL, anchor, text)
 }
 
 /// A robot, its pieces from the far side to the near one, above a soft shadow.

@@ -10,9 +10,9 @@
 //! Lengths are metres in the frame of the start: its origin on the floor under the torso at the first
 //! moment, its first axis along the torso's heading there, its last one upward.
 
-use super::outline::{AROUND, balls, hull, turn, volume};
+use super::outline::{AROUND, balls, hull};
 use stridemap_record::{Frame, Recording};
-use stridemap_robot::{Pose, Shape};
+use stridemap_robot::kinematics::rotate;
 
 /// From where a robot is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,15 +95,6 @@ impl Silhouette {
 /// Shapes this near to the middle, as a share of the farthest to the side, belong to neither side.
 const MIDDLE: f64 = 0.08;
 
-fn place(frame: &Frame, shape: &Shape, local: [f64; 3]) -> [f64; 3] {
-    let p = frame.poses.get(shape.body).copied().unwrap_or([0.0; 7]);
-    let body = Pose { position_m: [p[0], p[1], p[2]], orientation: [p[3], p[4], p[5], p[6]] };
-    let in_body = turn(shape.pose.orientation, local);
-    let in_body = [0, 1, 2].map(|i| in_body[i] + shape.pose.position_m[i]);
-    let turned = turn(body.orientation, in_body);
-    [0, 1, 2].map(|i| turned[i] + body.position_m[i])
-}
-
 /// A recording seen from one side.
 pub(crate) struct Scene<'a> {
     recording: &'a Recording,
@@ -120,10 +111,9 @@ impl<'a> Scene<'a> {
     /// `None` for a recording without frames or shapes.
     pub(crate) fn new(recording: &'a Recording, view: View) -> Option<Self> {
         let first = recording.frames.first()?;
-        let largest = recording.shapes.iter().max_by(|a, b| volume(a.kind).total_cmp(&volume(b.kind)))?;
-        let torso = largest.body;
+        let torso = recording.torso()?.body;
         let pose = *first.poses.get(torso)?;
-        let [x, y, _] = turn([pose[3], pose[4], pose[5], pose[6]], [1.0, 0.0, 0.0]);
+        let [x, y, _] = rotate([pose[3], pose[4], pose[5], pose[6]], [1.0, 0.0, 0.0]);
         let yaw = y.atan2(x);
         // In the torso's own frame, because the robot may be swaying at the start.
         let own = [pose[3], -pose[4], -pose[5], -pose[6]];
@@ -131,8 +121,8 @@ impl<'a> Scene<'a> {
             .shapes
             .iter()
             .map(|s| {
-                let p = place(first, s, [0.0; 3]);
-                turn(own, [0, 1, 2].map(|i| p[i] - pose[i]))[1]
+                let p = first.point_m(s, [0.0; 3]).unwrap_or_default();
+                rotate(own, [0, 1, 2].map(|i| p[i] - pose[i]))[1]
             })
             .collect();
         let widest = lateral.iter().fold(0.0, |most: f64, l| most.max(l.abs()));
@@ -189,9 +179,10 @@ impl<'a> Scene<'a> {
             .enumerate()
             .map(|(i, (shape, tone))| {
                 let (points, radius) = balls(shape.kind);
+                let place = |local_m| frame.point_m(shape, local_m).unwrap_or_default();
                 let mut seen = Vec::new();
                 for p in points {
-                    let [u, v] = self.in_picture(self.to_start(place(frame, shape, p)));
+                    let [u, v] = self.in_picture(self.to_start(place(p)));
                     if radius == 0.0 {
                         seen.push([u, v]);
                         continue;
@@ -204,7 +195,7 @@ impl<'a> Scene<'a> {
                 Piece {
                     name: if shape.name.is_empty() { format!("piece {i}") } else { shape.name.clone() },
                     tone: *tone,
-                    centre_m: self.to_start(place(frame, shape, [0.0; 3])),
+                    centre_m: self.to_start(place([0.0; 3])),
                     outline_m: hull(seen),
                 }
             })
@@ -224,7 +215,7 @@ impl<'a> Scene<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stridemap_robot::ShapeKind;
+    use stridemap_robot::{Pose, Shape, ShapeKind};
 
     fn shape(name: &str, body: usize, kind: ShapeKind, at: [f64; 3]) -> Shape {
         Shape {
@@ -237,14 +228,7 @@ mod tests {
     }
 
     fn frame(time_s: f64, pose: [f64; 7]) -> Frame {
-        Frame {
-            time_s,
-            poses: vec![[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], pose],
-            cop_m: None,
-            loads_n: [0.0; 2],
-            crossing: false,
-            push_n: None,
-        }
+        Frame { time_s, poses: vec![[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], pose], ..Frame::default() }
     }
 
     /// A torso 1 m up with a foot on either side, 0.1 m to the side and 0.02 m thick, on the floor.
