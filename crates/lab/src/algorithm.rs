@@ -23,7 +23,7 @@ use crate::poses::Filming;
 use crate::reward::reward_of_state;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
-use crate::strides::{Act, ActionSource, Actor, Batch, drive};
+use crate::strides::{Act, ActionSource, Batch, Source, drive};
 use crate::suffices::FEWEST;
 use crate::task::Task;
 use crate::walk::Walker;
@@ -302,7 +302,7 @@ impl<'a> Algorithm<'a> {
             (Some(p), StridePhase::Collect) => ActionSource::Sample(p, &self.task.collect.later_noise_std),
             (Some(p), _) => ActionSource::Mean(p),
         };
-        self.make(&mut Actor::new(&source), batch, what, &mut rng, recorder)
+        self.make(&mut Source::new(&source), batch, what, &mut rng, recorder)
     }
 
     /// Makes strides by an actor and keeps the books: time, falls, warm-up.
@@ -633,8 +633,7 @@ pub fn fit_map(
         .iter()
         .filter(|t| t.role == StrideRole::Training && t.end == StrideEnd::Crossing)
         .map(|t| MapSample {
-            state: t.state.clone(),
-            last_action: t.last_action.clone(),
+            at: t.situation(),
             action: t.action.clone(),
             next_state: t.next_state.clone(),
             reward: t.reward,

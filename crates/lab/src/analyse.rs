@@ -76,7 +76,7 @@ fn residuals(task: &Task, transitions: &[&Transition], component: usize, seed: u
             transitions.iter().enumerate().filter(|(i, _)| i % FOLDS != fold).map(|(_, t)| (*t).clone()).collect();
         let map = fit_map(task, &train, &InPlace::default(), seed, 0)?;
         for t in transitions.iter().skip(fold).step_by(FOLDS) {
-            let (means, _) = map.predict(&t.state, &t.action, &t.last_action)?;
+            let means = map.predict(&t.situation(), &t.action)?.means;
             all.push(t.next_state[component] - means[component]);
         }
     }

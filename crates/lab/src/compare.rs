@@ -4,7 +4,7 @@
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
-use stridemap_process::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
+use stridemap_process::{ProcessError, ProcessSpec, Situation, State, Stride, StrideEnd, StrideProcess};
 use stridemap_record::{ComparePoint, Iteration, Performance, Spread, StridePhase, StrideRole};
 
 use crate::algorithm::{Algorithm, NoRecorder};
@@ -56,15 +56,15 @@ impl StrideProcess for Remembering<'_> {
         self.process.spec()
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
-        let state = self.process.reset(rng)?;
-        self.state = Some(state.clone());
-        Ok(state)
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
+        let at = self.process.reset(rng)?;
+        self.state = Some(at.state.clone());
+        Ok(at)
     }
 
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         let stride = self.process.stride(action, rng)?;
-        let next = (stride.end == StrideEnd::Crossing).then(|| stride.next_state.clone());
+        let next = (stride.end == StrideEnd::Crossing).then(|| stride.next.state.clone());
         self.visited.extend(std::mem::replace(&mut self.state, next));
         Ok(stride)
     }

@@ -29,7 +29,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{CmaEs, LinearPolicy, SavedPolicy};
 use stridemap_map::{LearnedMap, MapPoint, MapSample};
-use stridemap_process::{ProcessSpec, State};
+use stridemap_process::{Action, Goal, ProcessSpec, Situation, State};
 
 use crate::error::LabError;
 use crate::state::StateComponent;
@@ -105,7 +105,7 @@ pub fn stride_model(map: &LearnedMap, constants: &[f64], components: &[(usize, f
     // A component on which nothing depends is as spread as its change; it may begin anywhere.
     let free = |i: usize| map.config().is_invariant(i);
     let value = |s: &MapSample, i: usize| {
-        if free(i) { s.state[i] + s.next_state[i] } else { s.state[i] }
+        if free(i) { s.at.state[i] + s.next_state[i] } else { s.at.state[i] }
     };
     let mean = |i: usize| samples.iter().map(|s| value(s, i)).sum::<f64>() / count;
     let spread = |i: usize| {
@@ -115,14 +115,16 @@ pub fn stride_model(map: &LearnedMap, constants: &[f64], components: &[(usize, f
     };
     let bounds: Vec<[f64; 2]> = (0..n)
         .map(|i| {
-            let all = samples.iter().map(|s| s.state[i]);
+            let all = samples.iter().map(|s| s.at.state[i]);
             all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
         })
         .collect();
+    let constants = Action::from_slice(constants);
     let mut x: State = (0..n).map(|i| if free(i) { 0.0 } else { mean(i) }).collect();
     let mut state: State = (0..n).map(|_| 0.0).collect();
     for k in 0..STRIDES {
-        let (next, _) = map.predict(&x, constants, constants)?;
+        let at = Situation { state: x, last_action: constants.clone(), goal: Goal::new() };
+        let next = map.predict(&at, &constants)?.means;
         // A map that flips stays where it has data.
         x = next
             .iter()
@@ -140,15 +142,16 @@ pub fn stride_model(map: &LearnedMap, constants: &[f64], components: &[(usize, f
     let m = components.len();
     let mut moves = Vec::with_capacity(n + 2 * m);
     let at = |dx: Option<(usize, f64)>, du: Option<(usize, f64)>, dl: Option<(usize, f64)>| {
-        let mut point = MapPoint { state: state.clone(), action: constants.to_vec(), last_action: constants.to_vec() };
+        let at = Situation { state: state.clone(), last_action: constants.clone(), goal: Goal::new() };
+        let mut point = MapPoint { at, action: constants.clone() };
         if let Some((i, d)) = dx {
-            point.state[i] += d;
+            point.at.state[i] += d;
         }
         if let Some((c, d)) = du {
             point.action[c] += d;
         }
         if let Some((c, d)) = dl {
-            point.last_action[c] += d;
+            point.at.last_action[c] += d;
         }
         point
     };

@@ -1,15 +1,15 @@
 //! Exploring under guard: after a warning the robot goes back towards the nominal gait for a while.
 
 use rand_chacha::ChaCha8Rng;
-use stridemap_process::{Action, StrideEnd};
+use stridemap_process::{Action, Next, Situation, StrideEnd};
 use stridemap_record::{Transition, Warning};
 
 use crate::guard::{Guard, GuardConfig, GuardThresholds};
-use crate::strides::{Act, ActionSource, Actor, Next};
+use crate::strides::{Act, ActionSource, Source};
 
 /// Explores; after a warning asks for an action nearer to the nominal gait.
 pub struct GuardedExplorer<'a> {
-    explorer: Actor<'a>,
+    explorer: Source<'a>,
     config: &'a GuardConfig,
     thresholds: Option<GuardThresholds>,
     guard: Option<Guard>,
@@ -36,7 +36,7 @@ impl<'a> GuardedExplorer<'a> {
         back_off_strides: usize,
     ) -> Self {
         Self {
-            explorer: Actor::new(source),
+            explorer: Source::new(source),
             config,
             thresholds,
             guard: None,
@@ -56,9 +56,9 @@ impl<'a> GuardedExplorer<'a> {
 }
 
 impl Act for GuardedExplorer<'_> {
-    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+    fn act(&mut self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
         // The draws of the explorer do not depend on warnings: the same seed explores the same way.
-        let wanted = self.explorer.act(state, rng);
+        let wanted = self.explorer.act(at, rng);
         match &self.backing_off {
             Some((_, safe)) => safe.clone(),
             None => wanted,

@@ -75,7 +75,7 @@ pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::StrideMeter;
 pub use nominal::{NominalGait, nominal_gait};
-pub use pessimism::{CautiousMap, CautiousWorld, PessimismConfig};
+pub use pessimism::{CautiousMap, PessimismConfig};
 pub use plant::{Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
 pub use poses::PoseRecorder;
 pub use proof::{ProofConfig, Prover, shrunk};
@@ -87,7 +87,7 @@ pub use robots::RobotChoice;
 pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
-pub use strides::{Act, ActionSource, Batch, Next, drive, make_strides};
+pub use strides::{Act, ActionSource, Batch, drive, make_strides};
 pub use success::SuccessConfig;
 pub use task::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task};
 pub use trust::TrustConfig;

@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use stridemap_process::{ProcessError, StrideEnd};
+use stridemap_process::{Action, Next, ProcessError, Situation, StrideEnd};
 use stridemap_record::{Fall, FallCriterion, InPlace, StridePhase, StrideRole, Transition};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::Crossing;
@@ -14,8 +14,7 @@ use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
 use crate::plant::TickObserver;
 use crate::seed::{Role, stream};
-use crate::strides::{Act, Actor, drive};
-use crate::strides::{ActionSource, Batch, Next};
+use crate::strides::{Act, ActionSource, Batch, Source, drive};
 use crate::task::{ExploreConfig, Task};
 
 /// How long the nominal gait must step.
@@ -105,11 +104,11 @@ impl Extremes {
 }
 
 /// Walks the neutral action until a time has passed or the robot is down.
-struct Steps<'a>(Actor<'a>);
+struct Steps<'a>(Source<'a>);
 
 impl Act for Steps<'_> {
-    fn act(&mut self, state: &[f64], rng: &mut rand_chacha::ChaCha8Rng) -> stridemap_process::Action {
-        self.0.act(state, rng)
+    fn act(&mut self, at: &Situation, rng: &mut rand_chacha::ChaCha8Rng) -> Action {
+        self.0.act(at, rng)
     }
 
     fn saw(&mut self, t: &Transition) -> Next {
@@ -143,7 +142,7 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: 1000 };
     let made = drive(
         &mut plant,
-        &mut Steps(Actor::new(&source)),
+        &mut Steps(Source::new(&source)),
         batch,
         &mut stream(seed, Role::Check, 1),
         &mut |_, _| {},

@@ -12,7 +12,9 @@ use std::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gait::Gait;
-use stridemap_process::{ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
+use stridemap_process::{
+    ActionLaw, ActionLimits, Goal, Made, ProcessError, ProcessSpec, Situation, State, Stride, StrideEnd, StrideProcess,
+};
 use stridemap_record::{Fall, InPlace, StrideMeasures, Transition};
 use stridemap_robot::{JointTargets, Robot, RobotError, RobotState, Side};
 use stridemap_section::{Crossing, Pendulum, SectionConfig, SectionDetector};
@@ -261,10 +263,34 @@ impl Plant {
         self.true_way.forward_m(self.robot.true_state()?)
     }
 
-    /// The action that the next stride starts from.
+    /// The record of a stride that was just made.
+    ///
+    /// # Arguments
+    ///
+    /// - `first_episode` – what episode 0 of its roll-out is called.
+    /// - `stance` – the leg that the robot stood on when it began.
     #[must_use]
-    pub const fn last_action(&self) -> &stridemap_process::Action {
-        self.law.last()
+    pub fn transition(&self, batch: Batch, first_episode: usize, stance: Option<Side>, made: Made<'_>) -> Transition {
+        let (at, stride) = (made.at, made.stride);
+        Transition {
+            iteration: batch.iteration,
+            phase: batch.phase,
+            role: batch.role,
+            episode: first_episode + made.episode,
+            k: made.k,
+            time_s: self.robot_time_s(),
+            stance,
+            state: at.state.clone(),
+            last_action: at.last_action.clone(),
+            action: stride.action().clone(),
+            next_state: stride.next.state.clone(),
+            reward: stride.reward,
+            end: stride.end,
+            fall: self.last_fall,
+            measures: self.last_measures,
+            true_psi_roll_deg: self.true_psi_roll_deg,
+            true_forward_m: self.true_forward_m(),
+        }
     }
 
     /// The leg that the robot stands on.
@@ -461,7 +487,7 @@ impl StrideProcess for Plant {
         &self.spec
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         self.at_section = false;
         let mut attempts = 0;
         loop {
@@ -469,7 +495,7 @@ impl StrideProcess for Plant {
             match self.start(rng).map_err(world)? {
                 Ok(state) => {
                     self.at_section = true;
-                    return Ok(state);
+                    return Ok(Situation { state, last_action: self.law.last().clone(), goal: Goal::new() });
                 }
                 Err(fall) if attempts == START_ATTEMPTS => {
                     return Err(world(LabError::NominalGaitFails { attempts, time_s: self.robot_time_s(), fall }));
@@ -512,13 +538,12 @@ impl StrideProcess for Plant {
         self.last_measures = measures;
         let at = self.at_section(&measures, pendulum.as_ref());
         Ok(Stride {
-            next_state: self.state_of(&at),
+            next: Situation { state: self.state_of(&at), last_action: action, goal: Goal::new() },
             reward: match end {
                 StrideEnd::Crossing => reward(&self.task.reward, &at),
                 StrideEnd::Fell | StrideEnd::NoCrossing => self.task.failure.reward,
                 StrideEnd::Aborted => 0.0,
             },
-            action,
             end,
         })
     }

@@ -9,12 +9,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{ConstantPolicy, Policy, SavedPolicy};
-use stridemap_process::{Action, StrideEnd};
+use stridemap_process::{Action, Next, Situation, StrideEnd};
 use stridemap_record::{Proof, Transition, Verdict, Warning};
 
 use crate::error::LabError;
 use crate::guard::{Guard, GuardConfig, GuardThresholds};
-use crate::strides::{Act, Next};
+use crate::strides::Act;
 
 /// When a policy counts as proven.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,9 +113,9 @@ impl<'a> Prover<'a> {
 }
 
 impl Act for Prover<'_> {
-    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+    fn act(&mut self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
         if self.backing_off.is_none() {
-            let mut action = self.policy.mean(state);
+            let mut action = self.policy.mean(at);
             if self.walked < self.config.trial_strides {
                 for (u, std) in action.iter_mut().zip(self.dither_std) {
                     let z: f64 = StandardNormal.sample(rng);
@@ -124,7 +124,7 @@ impl Act for Prover<'_> {
             }
             return action;
         }
-        let safe = self.fallback.mean(state);
+        let safe = self.fallback.mean(at);
         safe.iter().zip(&self.config.back_off).map(|(u, less)| u - less).collect()
     }
 

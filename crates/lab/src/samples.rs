@@ -54,7 +54,7 @@ pub fn unseen_error(map: &LearnedMap, strides: &[Transition]) -> Result<f64, Lab
     let mut squares = vec![0.0; components];
     let mut means = vec![0.0; components];
     for t in &reached {
-        let (predicted, _) = map.predict(&t.state, &t.action, &t.last_action)?;
+        let predicted = map.predict(&t.situation(), &t.action)?.means;
         for (i, next) in t.next_state.iter().enumerate().take(components) {
             squares[i] += (next - predicted[i]).powi(2);
             means[i] += next / n;

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use stridemap_process::{StrideEnd, StrideProcess};
+use stridemap_process::{Made, Next, Situation, StrideEnd, walk};
 use stridemap_record::{Performance, StridePhase, StrideRole};
 
 use crate::algorithm::{Algorithm, NoRecorder};
@@ -73,29 +73,23 @@ impl Bench<'_> {
         let mut rng = stream(self.seed, Role::Compare, episode);
         let (mut sum, mut true_sum, mut sum_reward, mut kept) = (0.0, Some(0.0), 0.0, 0_usize);
         let mut result = Performance::default();
-        let mut state = None;
-        for k in 0..strides {
-            let psi = match state.take() {
-                Some(psi) => psi,
-                None => self.plant.reset(&mut rng)?[0],
-            };
-            let stride = self.plant.stride(&[law(psi)], &mut rng)?;
-            match stride.end {
-                StrideEnd::Crossing => state = Some(stride.next_state[0]),
-                StrideEnd::Fell => result.falls += 1,
-                StrideEnd::NoCrossing => result.stalls += 1,
-                StrideEnd::Aborted => {}
-            }
+        let mut k = 0;
+        let act = |at: &Situation| std::iter::once(law(at.state[0])).collect();
+        walk(&mut self.plant, strides, &mut rng, act, |plant, Made { stride, .. }| {
+            result.falls += usize::from(stride.end == StrideEnd::Fell);
+            result.stalls += usize::from(stride.end == StrideEnd::NoCrossing);
             if k >= discard {
                 result.strides += 1;
                 sum_reward += stride.reward;
                 if stride.end == StrideEnd::Crossing {
                     kept += 1;
-                    sum += stride.next_state[0];
-                    true_sum = true_sum.zip(self.plant.true_psi_roll_deg()).map(|(s, t)| s + t);
+                    sum += stride.next.state[0];
+                    true_sum = true_sum.zip(plant.true_psi_roll_deg()).map(|(s, t)| s + t);
                 }
             }
-        }
+            k += 1;
+            Next::Go
+        })?;
         result.mean_reward = sum_reward / result.strides.max(1) as f64;
         if kept > 0 {
             result.mean_psi_roll_deg = Some(sum / kept as f64);

@@ -4,8 +4,9 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_learn::Policy;
-use stridemap_process::{Action, State, StrideEnd, StrideProcess};
+use stridemap_process::{Action, Actor, Made, Next, Situation, StrideEnd, roll_out};
 use stridemap_record::{StridePhase, StrideRole, Transition};
+use stridemap_robot::Side;
 
 use crate::error::LabError;
 use crate::learner::IntegralAction;
@@ -24,19 +25,10 @@ pub enum ActionSource<'a> {
     Integral(IntegralAction),
 }
 
-/// What the robot is to do after a stride.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Next {
-    /// Go on.
-    Go,
-    /// End the batch here.
-    Stop,
-}
-
 /// Acts on the robot, stride by stride, and sees how each one ended.
 pub trait Act {
-    /// The action wanted at a state.
-    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action;
+    /// The action wanted at a situation.
+    fn act(&mut self, at: &Situation, rng: &mut ChaCha8Rng) -> Action;
 
     /// A stride ended (aborted ones are not shown). The batch ends when it is full, or when this says
     /// so.
@@ -46,33 +38,33 @@ pub trait Act {
 }
 
 /// Draws actions for one episode after another.
-pub(crate) struct Actor<'a> {
+pub(crate) struct Source<'a> {
     source: &'a ActionSource<'a>,
     center: Vec<f64>,
     strides_at_center: usize,
 }
 
-impl<'a> Actor<'a> {
+impl<'a> Source<'a> {
     pub(crate) fn new(source: &'a ActionSource<'a>) -> Self {
         Self { source, center: Vec::new(), strides_at_center: 0 }
     }
 }
 
-impl Act for Actor<'_> {
-    fn act(&mut self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
+impl Act for Source<'_> {
+    fn act(&mut self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
         let normal = |std: f64, rng: &mut ChaCha8Rng| {
             let z: f64 = StandardNormal.sample(rng);
             std * z
         };
         match self.source {
-            ActionSource::Mean(policy) => policy.mean(state),
+            ActionSource::Mean(policy) => policy.mean(at),
             ActionSource::Integral(law) => {
-                let next = law.next(self.center.first().copied(), state);
+                let next = law.next(self.center.first().copied(), &at.state);
                 self.center = vec![next];
                 std::iter::once(next).collect()
             }
             ActionSource::Sample(policy, noise) => {
-                let drawn = policy.sample(state, rng);
+                let drawn = policy.sample(at, rng);
                 drawn.iter().zip(*noise).map(|(u, std)| u + normal(*std, rng)).collect()
             }
             ActionSource::Explore(explore) => {
@@ -124,7 +116,7 @@ pub fn make_strides(
     before: &mut dyn FnMut(&mut Plant, usize),
     observe: &mut dyn FnMut(&Transition) -> Result<(), LabError>,
 ) -> Result<Vec<Transition>, LabError> {
-    drive(plant, &mut Actor::new(source), batch, rng, before, observe)
+    drive(plant, &mut Source::new(source), batch, rng, before, observe)
 }
 
 /// Makes strides as [`make_strides`] does, by an actor that sees how each one ended and may end the
@@ -141,74 +133,81 @@ pub fn drive(
     before: &mut dyn FnMut(&mut Plant, usize),
     observe: &mut dyn FnMut(&Transition) -> Result<(), LabError>,
 ) -> Result<Vec<Transition>, LabError> {
-    let mut transitions = Vec::with_capacity(batch.strides.min(1024));
-    let (mut episode, mut k, mut aborts) = (0, 0, 0);
-    let mut state: Option<State> = None;
-    while transitions.len() < batch.strides {
+    let mut driver = Driver {
+        actor,
+        batch,
+        before,
+        observe,
+        transitions: Vec::with_capacity(batch.strides.min(1024)),
+        first_episode: 0,
+        aborts: 0,
+        stance: None,
+    };
+    while driver.transitions.len() < batch.strides {
         let Some(stride) = plant.next_recalled(&batch) else {
             break;
         };
         // The actor draws and sees what it drew and saw then.
-        actor.act(&stride.state, rng);
-        episode = stride.episode + 1;
+        driver.actor.act(&stride.situation(), rng);
+        driver.first_episode = stride.episode + 1;
         if stride.end != StrideEnd::Aborted {
-            let next = actor.saw(&stride);
-            transitions.push(stride);
+            let next = driver.actor.saw(&stride);
+            driver.transitions.push(stride);
             if next == Next::Stop {
-                return Ok(transitions);
+                return Ok(driver.transitions);
             }
         }
     }
-    while transitions.len() < batch.strides && !plant.has_fallen_too_often() {
-        let from = match state.take() {
-            Some(state) => state,
-            None => plant.reset(rng)?,
-        };
-        let action = actor.act(&from, rng);
-        let (stance, last_action) = (plant.stance(), plant.last_action().clone());
-        before(plant, transitions.len());
-        let stride = plant.stride(&action, rng)?;
-        let transition = Transition {
-            iteration: batch.iteration,
-            phase: batch.phase,
-            role: batch.role,
-            episode,
-            k,
-            time_s: plant.robot().state().time_s,
-            stance,
-            state: from,
-            last_action,
-            action: stride.action,
-            next_state: stride.next_state,
-            reward: stride.reward,
-            end: stride.end,
-            fall: plant.last_fall(),
-            measures: *plant.last_measures(),
-            true_psi_roll_deg: plant.true_psi_roll_deg(),
-            true_forward_m: plant.true_forward_m(),
-        };
-        observe(&transition)?;
-        if transition.end == StrideEnd::Crossing {
-            state = Some(transition.next_state.clone());
-            k += 1;
-        } else {
-            episode += 1;
-            k = 0;
-        }
+    if !driver.is_done(plant) {
+        roll_out(plant, usize::MAX, &mut driver, rng)?;
+    }
+    Ok(driver.transitions)
+}
+
+/// Makes a record of each stride that an actor makes on the plant.
+struct Driver<'a> {
+    actor: &'a mut dyn Act,
+    batch: Batch,
+    before: &'a mut dyn FnMut(&mut Plant, usize),
+    observe: &'a mut dyn FnMut(&Transition) -> Result<(), LabError>,
+    transitions: Vec<Transition>,
+    first_episode: usize,
+    aborts: usize,
+    /// The leg that the robot stood on when the stride began.
+    stance: Option<Side>,
+}
+
+impl Driver<'_> {
+    fn is_done(&self, plant: &Plant) -> bool {
+        self.transitions.len() >= self.batch.strides || plant.has_fallen_too_often()
+    }
+}
+
+impl Actor<Plant, LabError> for Driver<'_> {
+    fn act(&mut self, plant: &mut Plant, at: &Situation, rng: &mut ChaCha8Rng) -> Result<Action, LabError> {
+        let action = self.actor.act(at, rng);
+        self.stance = plant.stance();
+        (self.before)(plant, self.transitions.len());
+        Ok(action)
+    }
+
+    fn saw(&mut self, plant: &mut Plant, made: Made<'_>) -> Result<Next, LabError> {
+        let transition = plant.transition(self.batch, self.first_episode, self.stance, made);
+        (self.observe)(&transition)?;
         if transition.end == StrideEnd::Aborted {
-            aborts += 1;
-            if aborts == ABORTS_IN_A_ROW {
+            self.aborts += 1;
+            if self.aborts == ABORTS_IN_A_ROW {
                 let reason = plant.abort_reason().map(ToString::to_string).unwrap_or_default();
-                return Err(LabError::Equipment { aborts, reason });
+                return Err(LabError::Equipment { aborts: self.aborts, reason });
             }
         } else {
-            aborts = 0;
-            let next = actor.saw(&transition);
-            transitions.push(transition);
+            self.aborts = 0;
+            let next = self.actor.saw(&transition);
+            self.transitions.push(transition);
             if next == Next::Stop {
-                break;
+                return Ok(next);
             }
         }
+        Ok(if self.is_done(plant) { Next::Stop } else { Next::Go })
     }
-    Ok(transitions)
 }

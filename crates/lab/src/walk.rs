@@ -2,10 +2,10 @@
 
 use rand_chacha::ChaCha8Rng;
 use stridemap_learn::Policy;
-use stridemap_process::{Action, StrideEnd};
+use stridemap_process::{Action, Next, Situation, StrideEnd};
 use stridemap_record::Transition;
 
-use crate::strides::{Act, Next};
+use crate::strides::Act;
 
 /// A policy's mean, until a time has passed or the robot is down.
 pub struct Walker<'a> {
@@ -22,8 +22,8 @@ impl<'a> Walker<'a> {
 }
 
 impl Act for Walker<'_> {
-    fn act(&mut self, state: &[f64], _rng: &mut ChaCha8Rng) -> Action {
-        self.policy.mean(state)
+    fn act(&mut self, at: &Situation, _rng: &mut ChaCha8Rng) -> Action {
+        self.policy.mean(at)
     }
 
     fn saw(&mut self, transition: &Transition) -> Next {

@@ -11,6 +11,7 @@ use stridemap_lab::run::FinishedRun;
 use stridemap_learn::{Policy, SavedPolicy};
 use stridemap_map::SavedMap;
 use stridemap_mutate::{Corpus, fuzz};
+use stridemap_process::Situation;
 use stridemap_record::{Columns, Rows, files};
 
 fn corpus(kind: &str) -> PathBuf {
@@ -122,7 +123,7 @@ fn policies() {
         match files::read_json::<SavedPolicy>(&path) {
             Ok(policy) => {
                 for x in [0.0, 3.0, -1e3] {
-                    let action = policy.mean(&vec![x; policy.spec().state.len()]);
+                    let action = policy.mean(&Situation::of_state(&vec![x; policy.spec().state.len()]));
                     for (u, bounds) in action.iter().zip(&policy.spec().action) {
                         assert!((bounds.lower..=bounds.upper).contains(u), "{u} of {bounds:?}");
                     }

@@ -36,7 +36,7 @@ fn nominal_stepping_is_the_one_that_was_found_by_experiment() {
     let made = strides(&mut plant, &[0.0; 30], 1);
     assert!(made.iter().all(|s| s.end == StrideEnd::Crossing));
     for stride in &made[10..] {
-        let psi_deg = stride.next_state[0];
+        let psi_deg = stride.next.state[0];
         assert!((psi_deg - 3.01).abs() < 0.03, "{psi_deg}");
         assert!((stride.reward + 0.1 * (2.0 - psi_deg).powi(2)).abs() < 1e-12);
     }
@@ -46,7 +46,7 @@ fn nominal_stepping_is_the_one_that_was_found_by_experiment() {
 /// More pitch amplitude brings the mass further out over the stance foot: about -0.2 deg per deg.
 #[test]
 fn the_action_moves_the_section_with_the_sign_and_size_that_was_found() {
-    let settled = |action: f64| strides(&mut plant(&[]), &[action; 25], 1)[24].next_state[0];
+    let settled = |action: f64| strides(&mut plant(&[]), &[action; 25], 1)[24].next.state[0];
     let gain = (settled(1.0) - settled(-1.0)) / 2.0;
     assert!((-0.6..-0.15).contains(&gain), "{gain}");
 }
@@ -73,7 +73,7 @@ fn bad_actions_are_refused_and_bounds_are_kept() {
     assert!(matches!(plant.stride(&[f64::NAN], &mut rng), Err(ProcessError::ActionNotFinite { component: 0, .. })));
     assert!(matches!(plant.stride(&[0.0, 0.0], &mut rng), Err(ProcessError::ActionLength { .. })));
     let stride = plant.stride(&[99.0], &mut rng).unwrap();
-    assert!((stride.action[0] - 5.0).abs() < 1e-15);
+    assert!((stride.action()[0] - 5.0).abs() < 1e-15);
 }
 
 /// 400 N for 0.4 s on 95 kg: 1.7 m/s to the side, far more than the next step can catch.
@@ -103,7 +103,7 @@ fn a_fall_is_an_outcome_with_its_reward_and_the_robot_starts_afresh() {
     assert_eq!(counters.falls + counters.stalls, 1);
     assert!(matches!(plant.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
     let afresh = strides(&mut plant, &[0.0; 12], 1);
-    assert!((afresh[11].next_state[0] - 3.01).abs() < 0.03);
+    assert!((afresh[11].next.state[0] - 3.01).abs() < 0.03);
 }
 
 /// A push to the outside brings the mass out over the foot; the impulse is what counts, so that its
@@ -115,7 +115,7 @@ fn pushes_move_the_section_and_left_and_right_differ() {
         strides(&mut plant, &[0.0; 12], 1);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         plant.push_in_next_stride(Push { left_n, duration_s: 0.2 });
-        plant.stride(&[0.0], &mut rng).unwrap().next_state[0]
+        plant.stride(&[0.0], &mut rng).unwrap().next.state[0]
     };
     let (left, none, right) = (after_push(30.0), after_push(0.0), after_push(-30.0));
     assert!((left - none) * (right - none) < 0.0, "{left} {none} {right}");

@@ -10,7 +10,7 @@ use std::time::Instant;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{ActorCritic, ActorCriticConfig, Learner};
-use stridemap_process::StrideProcess;
+use stridemap_process::{Action, Next, walk};
 use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -21,13 +21,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let strides = 2_000_000;
     let start = Instant::now();
     let mut sum = 0.0;
-    for k in 0..strides {
-        if k % 6 == 0 {
-            sum += map.reset(&mut rng)?[0];
-        }
-        sum += map.stride(&[1.0], &mut rng)?.reward;
-    }
-    let map_ns = start.elapsed().as_secs_f64() / f64::from(strides) * 1e9;
+    let one = Action::from_slice(&[1.0]);
+    walk(
+        &mut map,
+        strides,
+        &mut rng,
+        |_| one.clone(),
+        |_, made| {
+            sum += made.stride.reward;
+            if made.k == 5 { Next::Restart } else { Next::Go }
+        },
+    )?;
+    let map_ns = start.elapsed().as_secs_f64() / strides as f64 * 1e9;
 
     let config = ActorCriticConfig { trials: 50_000, ..ActorCriticConfig::stepping() };
     let start = Instant::now();

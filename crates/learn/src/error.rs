@@ -1,4 +1,4 @@
-use stridemap_process::ProcessError;
+use stridemap_process::{ProcessError, ProcessSpec, State};
 
 /// What can go wrong when a policy is loaded or improved.
 #[derive(Debug, thiserror::Error)]
@@ -113,4 +113,33 @@ pub(crate) fn check_number(
         return Err(LearnError::parameter(field, value, "at most 1e12 in size"));
     }
     Ok(())
+}
+
+/// Where in a run something is looked at: trial and stride, from 1.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    pub trial: usize,
+    pub stride: usize,
+}
+
+impl Place {
+    pub const fn diverged(self) -> LearnError {
+        LearnError::Diverged { trial: self.trial, stride: self.stride }
+    }
+
+    pub fn check_finite(self, quantity: &'static str, value: f64) -> Result<(), LearnError> {
+        if value.is_finite() {
+            return Ok(());
+        }
+        Err(LearnError::NotFinite { quantity, value, trial: self.trial, stride: self.stride })
+    }
+
+    /// Refuses a state that is not what the process says it gives.
+    pub fn check_state(self, state: &State, spec: &ProcessSpec) -> Result<(), LearnError> {
+        let expected = spec.state.len();
+        if state.len() != expected {
+            return Err(LearnError::StateLength { expected, found: state.len() });
+        }
+        state.iter().try_for_each(|x| self.check_finite("state", *x))
+    }
 }

@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
-use stridemap_process::{Action, ProcessSpec};
+use stridemap_process::{Action, ProcessSpec, Situation};
 
 use crate::error::{LearnError, check_length, check_number};
 use crate::network::{Activations, NormalizedGaussianNetwork};
@@ -47,8 +47,8 @@ pub(crate) type Outputs = SmallVec<[f64; 16]>;
 /// };
 /// // Output 1 is 2 deg. Without bases, mean 0 and standard deviation 0.5 / (1 + exp(0)) · 2 deg.
 /// let policy = GaussianPolicy::new(spec, &[0.5], &[2.0], 0.5)?;
-/// assert_eq!(policy.mean(&[3.0])[0], 0.0);
-/// assert_eq!(policy.std(&[3.0])[0], 0.5);
+/// assert_eq!(policy.mean(&[3.0].into())[0], 0.0);
+/// assert_eq!(policy.std(&[3.0].into())[0], 0.5);
 /// # Ok::<(), stridemap_learn::LearnError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -147,17 +147,17 @@ impl GaussianPolicy {
 
     /// `V̂(x)` \[MA09, eq. (17)\], in units of reward.
     #[must_use]
-    pub fn value(&self, state: &[f64]) -> f64 {
+    pub fn value(&self, at: &Situation) -> f64 {
         let mut activations = Activations::default();
-        self.network.activate(state, &mut activations);
+        self.network.activate(&at.state, &mut activations);
         self.network.output(&activations, self.value_column())
     }
 
     /// `ln π(x, u)`: log density of an action, in the process's units, before clipping.
     #[must_use]
-    pub fn log_density(&self, state: &[f64], action: &[f64]) -> f64 {
+    pub fn log_density(&self, at: &Situation, action: &[f64]) -> f64 {
         let m = self.spec.action.len();
-        let outputs = self.network.evaluate(state);
+        let outputs = self.network.evaluate(&at.state);
         (0..m)
             .map(|j| {
                 let std = self.std_scale * sigmoid(outputs[m + j]);
@@ -169,11 +169,11 @@ impl GaussianPolicy {
 
     /// The gradient of [`log_density`](Self::log_density) with respect to the weights.
     #[must_use]
-    pub fn log_density_gradient(&self, state: &[f64], action: &[f64]) -> LogDensityGradient {
+    pub fn log_density_gradient(&self, at: &Situation, action: &[f64]) -> LogDensityGradient {
         let m = self.spec.action.len();
         let mut activations = Activations::default();
-        self.network.activate(state, &mut activations);
-        let outputs = self.network.evaluate(state);
+        self.network.activate(&at.state, &mut activations);
+        let outputs = self.network.evaluate(&at.state);
         let scores: Vec<Score> = (0..m)
             .map(|j| Score::of(action[j] / self.action_unit[j], outputs[j], outputs[m + j], self.std_scale))
             .collect();
@@ -228,21 +228,21 @@ pub(crate) fn sigmoid(logit: f64) -> f64 {
 }
 
 impl Policy for GaussianPolicy {
-    fn mean(&self, state: &[f64]) -> Action {
-        let outputs = self.network.evaluate(state);
+    fn mean(&self, at: &Situation) -> Action {
+        let outputs = self.network.evaluate(&at.state);
         (0..self.spec.action.len()).map(|j| self.clip(outputs[j], j)).collect()
     }
 
-    fn std(&self, state: &[f64]) -> Action {
-        let outputs = self.network.evaluate(state);
+    fn std(&self, at: &Situation) -> Action {
+        let outputs = self.network.evaluate(&at.state);
         let m = self.spec.action.len();
         (0..m).map(|j| self.std_scale * sigmoid(outputs[m + j]) * self.action_unit[j]).collect()
     }
 
     /// Draws about the mean before clipping, then clips: near a bound this differs from drawing
     /// about [`mean`](Policy::mean).
-    fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
-        let outputs = self.network.evaluate(state);
+    fn sample(&self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
+        let outputs = self.network.evaluate(&at.state);
         let m = self.spec.action.len();
         (0..m)
             .map(|j| {

@@ -1,7 +1,7 @@
 //! Policies as files, and the two simple ones: a constant and a linear feedback.
 
 use serde::{Deserialize, Serialize};
-use stridemap_process::{Action, ProcessSpec};
+use stridemap_process::{Action, ProcessSpec, Situation};
 
 use rand_chacha::ChaCha8Rng;
 
@@ -45,8 +45,8 @@ pub(crate) fn check_spec(spec: &ProcessSpec) -> Result<(), LearnError> {
 ///               "action": [{ "name": "step_deg", "lower": -1.5, "upper": 5.0 }] },
 ///     "action": [2.0], "gain": [[2.5]], "state": [2.0]
 /// }"#)?;
-/// assert_eq!(policy.mean(&[3.0])[0], 4.5); // 2 + 2.5 (3 - 2)
-/// assert_eq!(policy.mean(&[9.0])[0], 5.0); // clipped
+/// assert_eq!(policy.mean(&[3.0].into())[0], 4.5); // 2 + 2.5 (3 - 2)
+/// assert_eq!(policy.mean(&[9.0].into())[0], 5.0); // clipped
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -112,16 +112,16 @@ pub(crate) fn check_same_components(policy: &ProcessSpec, process: &ProcessSpec)
 }
 
 impl Policy for SavedPolicy {
-    fn mean(&self, state: &[f64]) -> Action {
-        self.inner().mean(state)
+    fn mean(&self, at: &Situation) -> Action {
+        self.inner().mean(at)
     }
 
-    fn std(&self, state: &[f64]) -> Action {
-        self.inner().std(state)
+    fn std(&self, at: &Situation) -> Action {
+        self.inner().std(at)
     }
 
-    fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
-        self.inner().sample(state, rng)
+    fn sample(&self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
+        self.inner().sample(at, rng)
     }
 }
 
@@ -312,16 +312,16 @@ impl ConstantPolicy {
 macro_rules! policy_of_linear {
     ($policy:ty, $variant:ident) => {
         impl Policy for $policy {
-            fn mean(&self, state: &[f64]) -> Action {
-                self.0.mean(state)
+            fn mean(&self, at: &Situation) -> Action {
+                self.0.mean(&at.state)
             }
 
-            fn std(&self, _state: &[f64]) -> Action {
+            fn std(&self, _at: &Situation) -> Action {
                 self.0.std.iter().copied().collect()
             }
 
-            fn sample(&self, state: &[f64], rng: &mut ChaCha8Rng) -> Action {
-                self.0.sample(state, rng)
+            fn sample(&self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
+                self.0.sample(&at.state, rng)
             }
         }
 

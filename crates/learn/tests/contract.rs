@@ -8,7 +8,7 @@ use stridemap_learn::{
     ActorCritic, ActorCriticConfig, ConstantPolicy, KeptPolicy, LearnError, LearnOutcome, Learner, LinearPolicy,
     Policy, SavedPolicy, SearchConfig, SearchLearner,
 };
-use stridemap_process::{ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess};
+use stridemap_process::{Next, ProcessError, ProcessSpec, Situation, Stride, StrideEnd, StrideProcess, walk};
 use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters, RimlessWheel, RimlessWheelParameters};
 
 /// Every learner of the crate, configured for one state and one action.
@@ -81,9 +81,9 @@ fn every_trial_is_observed_and_the_outcome_can_be_kept() {
             let back: stridemap_learn::SavedPolicy = serde_json::from_str(&file).unwrap();
             for x in [-1.0, 0.4, 1.3, 8.0] {
                 let bounds = &process.spec().action[0];
-                let u = outcome.policy.mean(&[x])[0];
+                let u = outcome.policy.mean(&[x].into())[0];
                 assert!(u >= bounds.lower && u <= bounds.upper);
-                assert_eq!(u.to_bits(), back.mean(&[x])[0].to_bits());
+                assert_eq!(u.to_bits(), back.mean(&[x].into())[0].to_bits());
             }
             back.check_fits(process.spec()).unwrap();
         }
@@ -104,14 +104,16 @@ impl StrideProcess for Broken {
         &self.spec
     }
 
-    fn reset(&mut self, _rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
-        Ok(State::from_elem(0.0, 1))
+    fn reset(&mut self, _rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
+        Ok([0.0].into())
     }
 
     fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         Ok(Stride {
-            action: action.iter().copied().collect(),
-            next_state: State::from_elem(self.state, self.length),
+            next: Situation {
+                last_action: action.iter().copied().collect(),
+                ..Situation::of_state(&vec![self.state; self.length])
+            },
             reward: self.reward,
             end: self.end,
         })
@@ -179,14 +181,19 @@ fn discounted_reward(policy: &dyn Policy, discount: f64) -> f64 {
     let episodes = 400;
     let mut sum = 0.0;
     for _ in 0..episodes {
-        let mut x = map.reset(&mut rng).unwrap();
         let mut weight = 1.0;
-        for _ in 0..100 {
-            let stride = map.stride(&policy.mean(&x), &mut rng).unwrap();
-            sum += weight * stride.reward;
-            weight *= discount;
-            x = stride.next_state;
-        }
+        walk(
+            &mut map,
+            100,
+            &mut rng,
+            |at| policy.mean(at),
+            |_, made| {
+                sum += weight * made.stride.reward;
+                weight *= discount;
+                Next::Go
+            },
+        )
+        .unwrap();
     }
     sum / f64::from(episodes)
 }
@@ -216,8 +223,8 @@ fn the_actor_critic_finds_the_linear_quadratic_regulator() {
         // Slope of the policy over [−1, 1], where the states are.
         let grid: Vec<f64> = (-10..=10).map(|i| 0.1 * f64::from(i)).collect();
         let square: f64 = grid.iter().map(|x| x * x).sum();
-        gains.push(grid.iter().map(|x| x * policy.mean(&[*x])[0]).sum::<f64>() / square);
-        offsets.push(policy.mean(&[0.0])[0]);
+        gains.push(grid.iter().map(|x| x * policy.mean(&[*x].into())[0]).sum::<f64>() / square);
+        offsets.push(policy.mean(&[0.0].into())[0]);
         let reward = discounted_reward(&policy, gamma);
         regrets.push((best_reward - reward) / (best_reward - idle_reward));
     }
@@ -269,12 +276,17 @@ fn the_actor_critic_regulates_with_a_vector_of_actions() {
         let (mut map, mut rng) = (map(), ChaCha8Rng::seed_from_u64(99));
         let mut sum = 0.0;
         for _ in 0..1000 {
-            let mut x = map.reset(&mut rng).unwrap();
-            for _ in 0..8 {
-                let stride = map.stride(&policy.mean(&x), &mut rng).unwrap();
-                sum += stride.reward / 8000.0;
-                x = stride.next_state;
-            }
+            walk(
+                &mut map,
+                8,
+                &mut rng,
+                |at| policy.mean(at),
+                |_, made| {
+                    sum += made.stride.reward / 8000.0;
+                    Next::Go
+                },
+            )
+            .unwrap();
         }
         sum
     };
@@ -310,13 +322,18 @@ fn no_seed_is_stuck_where_all_actions_are_clipped() {
             assert!((-1.5..=5.0).contains(&mean), "{mean}");
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut x = map.reset(&mut rng).unwrap();
         let mut sum = 0.0;
-        for k in 0..110 {
-            let stride = map.stride(&policy.mean(&x), &mut rng).unwrap();
-            sum += if k < 10 { 0.0 } else { stride.reward };
-            x = stride.next_state;
-        }
+        walk(
+            &mut map,
+            110,
+            &mut rng,
+            |at| policy.mean(at),
+            |_, made| {
+                sum += if made.k < 10 { 0.0 } else { made.stride.reward };
+                Next::Go
+            },
+        )
+        .unwrap();
         assert!(sum / 100.0 > -0.005, "seed {seed}: {}", sum / 100.0);
     }
 }

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{ActorCriticConfig, ActorCriticRun, GaussianPolicy, KeptPolicy, Policy, SavedPolicy};
 use stridemap_process::{
-    Action, ActionDimension, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
+    Action, ActionDimension, ProcessError, ProcessSpec, Situation, StateDimension, Stride, StrideEnd, StrideProcess,
 };
 use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters};
 
@@ -38,6 +38,7 @@ fn the_score_agrees_with_finite_differences() {
     let policy = vector_policy();
     let h = 1e-5;
     for (x, u) in [([0.1, 0.5], [1.0, 0.3]), ([-0.4, 3.0], [-2.0, -0.6]), ([2.0, 9.0], [0.0, 0.9])] {
+        let x = Situation::from(x);
         let gradient = policy.log_density_gradient(&x, &u);
         for base in 0..3 {
             for column in 0..4 {
@@ -60,7 +61,7 @@ fn the_score_agrees_with_finite_differences() {
 #[test]
 fn samples_are_drawn_from_the_stated_density() {
     let policy = vector_policy();
-    let x = [0.2, 1.0];
+    let x = Situation::from([0.2, 1.0]);
     let (mean, std) = (policy.mean(&x), policy.std(&x));
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let n = 100_000;
@@ -89,7 +90,7 @@ fn a_file_brings_back_every_bit() {
     let back: SavedPolicy = serde_json::from_str(&text).unwrap();
     assert_eq!(serde_json::to_string(&back).unwrap(), text);
     for i in 0..200 {
-        let x = [0.013 * f64::from(i) - 1.0, 0.07 * f64::from(i)];
+        let x = Situation::from([0.013 * f64::from(i) - 1.0, 0.07 * f64::from(i)]);
         for (a, b) in policy.mean(&x).iter().zip(back.mean(&x)) {
             assert_eq!(a.to_bits(), b.to_bits());
         }
@@ -116,7 +117,7 @@ impl StrideProcess for TwoStrides {
         self.map.spec()
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         self.strides = 0;
         self.map.reset(rng)
     }

@@ -7,7 +7,7 @@
 
 use rand_chacha::ChaCha8Rng;
 
-use stridemap_process::{ProcessError, StrideEnd, StrideProcess};
+use stridemap_process::{Action, Next, ProcessError, Situation, StrideEnd, StrideProcess, walk};
 
 /// Strides of the ramp from the nominal gait to the constant action.
 const RAMP_STRIDES: f64 = 20.0;
@@ -32,30 +32,34 @@ pub struct Kick<'a> {
 }
 
 /// The watched component after each stride from the kick on; `None` if the walk ended before.
-fn walk(
+fn kicked(
     process: &mut dyn StrideProcess,
     kick: &Kick<'_>,
     size: f64,
     rng: &mut ChaCha8Rng,
 ) -> Result<Option<Vec<f64>>, ProcessError> {
-    process.reset(rng)?;
     let mut watched = Vec::with_capacity(DECAY_STRIDES + 1);
-    for k in 0..SETTLE_STRIDES + 2 + DECAY_STRIDES {
+    let mut k = 0;
+    let action = |_: &Situation| {
         let share = ((k + 1) as f64 / RAMP_STRIDES).min(1.0);
         let way = kick.action.iter().zip(kick.neutral);
-        let mut action: Vec<f64> = way.map(|(u, n)| n + share * (u - n)).collect();
+        let mut action: Action = way.map(|(u, n)| n + share * (u - n)).collect();
         if k == SETTLE_STRIDES {
             action[kick.component] += size;
         }
-        let stride = process.stride(&action, rng)?;
-        if stride.end != StrideEnd::Crossing {
-            return Ok(None);
+        k += 1;
+        action
+    };
+    walk(process, SETTLE_STRIDES + 2 + DECAY_STRIDES, rng, action, |_, made| {
+        if made.stride.end != StrideEnd::Crossing {
+            return Next::Stop;
         }
-        if k > SETTLE_STRIDES {
-            watched.push(stride.next_state[kick.watched]);
+        if made.k > SETTLE_STRIDES {
+            watched.push(made.stride.next.state[kick.watched]);
         }
-    }
-    Ok(Some(watched))
+        Next::Go
+    })?;
+    Ok((watched.len() > DECAY_STRIDES).then_some(watched))
 }
 
 /// The factor from stride to stride by which kicks both ways decay, by least squares over the strides
@@ -96,15 +100,15 @@ pub fn decay_after_kick(
     kick: &Kick<'_>,
     rng: &ChaCha8Rng,
 ) -> Result<Option<f64>, ProcessError> {
-    let Some(twin) = walk(process, kick, 0.0, &mut rng.clone())? else {
+    let Some(twin) = kicked(process, kick, 0.0, &mut rng.clone())? else {
         return Ok(None);
     };
     let (mut xy, mut xx) = (0.0, 0.0);
     for size in [kick.size, -kick.size] {
-        let Some(kicked) = walk(process, kick, size, &mut rng.clone())? else {
+        let Some(walked) = kicked(process, kick, size, &mut rng.clone())? else {
             return Ok(None);
         };
-        let off: Vec<f64> = kicked.iter().zip(&twin).map(|(a, b)| a - b).collect();
+        let off: Vec<f64> = walked.iter().zip(&twin).map(|(a, b)| a - b).collect();
         for pair in off.windows(2) {
             xy += pair[0] * pair[1];
             xx += pair[0] * pair[0];

@@ -6,24 +6,22 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use stridemap_gp::{Gp, Points, Scratch, check_memory};
 use stridemap_process::{
-    Action, ActionLaw, ActionLimits, ProcessError, ProcessSpec, State, Stride, StrideEnd, StrideProcess,
+    Action, ActionLaw, ActionLimits, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, Stride, StrideEnd,
+    StrideProcess, clipped_action,
 };
 
 use crate::error::MapError;
-use crate::map_config::{MapConfig, MapDraw, MapStart};
+use crate::map_config::{MapConfig, MapStart};
 use crate::saved_map::{FORMAT, SavedMap, SavedOutput};
 
 /// One stride of the robot, as the map needs it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapSample {
-    /// x(k).
-    pub state: State,
-    /// u(k−1).
-    pub last_action: Action,
+    /// x(k) and u(k−1).
+    pub at: Situation,
     /// u(k).
     pub action: Action,
     /// x(k+1).
@@ -70,12 +68,10 @@ pub struct MapWorld {
 /// Where a map is evaluated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapPoint {
-    /// x(k).
-    pub state: State,
+    /// x(k) and u(k−1).
+    pub at: Situation,
     /// u(k).
-    pub action: Vec<f64>,
-    /// u(k−1).
-    pub last_action: Vec<f64>,
+    pub action: Action,
 }
 
 /// A prediction of one stride.
@@ -98,7 +94,7 @@ pub struct LearnedMap {
     outputs: Arc<Vec<Gp>>,
     reward: Option<Arc<Gp>>,
     law: ActionLaw,
-    state: Option<State>,
+    at: Option<Situation>,
     row: Vec<f64>,
     scratch: Scratch,
 }
@@ -139,13 +135,13 @@ impl LearnedMap {
         let dims = config.dims(states, actions);
         let mut inputs = Vec::with_capacity(samples.len() * dims);
         for s in samples {
-            config.input_row(&s.state, &s.action, &s.last_action, &mut inputs);
+            config.input_row(&s.at, &s.action, &mut inputs);
         }
         settle(&mut inputs, dims);
         let points = Points::new(&inputs, dims)?;
         let mut outputs = Vec::with_capacity(states);
         for component in 0..states {
-            let target = |s: &MapSample| config.target(component, &s.state, s.next_state[component]);
+            let target = |s: &MapSample| config.target(component, &s.at.state, s.next_state[component]);
             let mut y: Vec<f64> = samples.iter().map(target).collect();
             settle(&mut y, 1);
             let noise = config.min_noise_std.as_ref().map(|stds| stds[component]);
@@ -164,10 +160,16 @@ impl LearnedMap {
             samples: Arc::new(samples.to_vec()),
             outputs: Arc::new(outputs),
             reward,
-            state: None,
+            at: None,
             row: Vec::with_capacity(dims),
             scratch: Scratch::new(),
         })
+    }
+
+    /// What it knows of the task.
+    #[must_use]
+    pub const fn world(&self) -> &MapWorld {
+        &self.world
     }
 
     /// How the map was fitted and is drawn from.
@@ -201,40 +203,22 @@ impl LearnedMap {
         all.map(Gp::log_marginal_likelihood).collect()
     }
 
-    /// Predicts the next state: means and latent variances, per component.
-    ///
-    /// # Errors
-    ///
-    /// [`MapError::Gp`] for inputs that are not finite.
-    pub fn predict(&self, state: &[f64], action: &[f64], last_action: &[f64]) -> Result<(State, State), MapError> {
-        let mut row = Vec::new();
-        self.config.input_row(state, action, last_action, &mut row);
-        let (mut means, mut variances) = (State::new(), State::new());
-        for (i, gp) in self.outputs.iter().enumerate() {
-            let p = gp.predict(&row)?;
-            means.push(self.config.next(i, state, p.mean));
-            variances.push(p.latent_variance);
-        }
-        Ok((means, variances))
-    }
-
     /// Predicts the next state and, where it has a Gaussian process of its own, the reward.
     ///
     /// # Errors
     ///
     /// [`MapError::Gp`] for inputs that are not finite.
-    pub fn predict_all(&self, state: &[f64], action: &[f64], last_action: &[f64]) -> Result<MapPrediction, MapError> {
-        let (means, latent_variances) = self.predict(state, action, last_action)?;
-        let reward = match &self.reward {
-            None => None,
-            Some(gp) => {
-                let mut row = Vec::new();
-                self.config.input_row(state, action, last_action, &mut row);
-                let p = gp.predict(&row)?;
-                Some((p.mean, p.latent_variance))
-            }
-        };
-        Ok(MapPrediction { means, latent_variances, reward })
+    pub fn predict(&self, at: &Situation, action: &[f64]) -> Result<MapPrediction, MapError> {
+        let mut row = Vec::new();
+        self.config.input_row(at, action, &mut row);
+        let (mut means, mut latent_variances) = (State::new(), State::new());
+        for (i, gp) in self.outputs.iter().enumerate() {
+            let p = gp.predict(&row)?;
+            means.push(self.config.next(i, &at.state, p.mean));
+            latent_variances.push(p.latent_variance);
+        }
+        let reward = self.reward.as_ref().map(|gp| gp.predict(&row)).transpose()?;
+        Ok(MapPrediction { means, latent_variances, reward: reward.map(|p| (p.mean, p.latent_variance)) })
     }
 
     /// Slopes of the next state by central differences, and what the map does not know of them.
@@ -257,7 +241,7 @@ impl LearnedMap {
         let dims = self.config.dims(self.world.spec.state.len(), self.world.spec.action.len());
         let mut inputs = Vec::with_capacity(2 * count * dims);
         for p in moves.iter().flat_map(|(ahead, behind, _)| [ahead, behind]) {
-            self.config.input_row(&p.state, &p.action, &p.last_action, &mut inputs);
+            self.config.input_row(&p.at, &p.action, &mut inputs);
         }
         let points = Points::new(&inputs, dims)?;
         // The difference quotient: slopes = D f, with two entries a row.
@@ -274,7 +258,7 @@ impl LearnedMap {
                 .iter()
                 .flat_map(|(ahead, behind, _)| [ahead, behind])
                 .zip(&joint.mean)
-                .map(|(p, mean)| self.config.next(i, &p.state, *mean));
+                .map(|(p, mean)| self.config.next(i, &p.at.state, *mean));
             let values = DVector::from_iterator(2 * count, next);
             slopes.set_row(i, &(&quotient * values).transpose());
             let covariance = DMatrix::from_row_slice(2 * count, 2 * count, &joint.covariance);
@@ -294,7 +278,7 @@ impl LearnedMap {
         let action: Vec<String> = spec.action.iter().map(|d| d.name.clone()).collect();
         let last: Vec<String> = action.iter().map(|name| format!("last_{name}")).collect();
         let mut inputs = Vec::new();
-        self.config.input_row(&names, &action, &last, &mut inputs);
+        self.config.chosen(&names, &action, &last, &mut inputs);
         names.push("reward".into());
         let all = self.outputs.iter().chain(self.reward.as_deref());
         let mut outputs: Vec<SavedOutput> =
@@ -304,7 +288,7 @@ impl LearnedMap {
             let shown = &mut outputs[i].leave_one_out;
             for values in [&mut shown.mean, &mut shown.actual] {
                 for (value, s) in values.iter_mut().zip(self.samples.iter()) {
-                    *value = self.config.next(i, &s.state, *value);
+                    *value = self.config.next(i, &s.at.state, *value);
                 }
             }
         }
@@ -318,26 +302,61 @@ impl LearnedMap {
         })
     }
 
-    /// Draws from one output at the prepared input row.
-    fn draw(&mut self, output: Output, rng: &mut ChaCha8Rng) -> Result<f64, MapError> {
-        let gp = match output {
-            Output::Component(i) => &self.outputs[i],
-            Output::Reward(ref gp) => gp.as_ref(),
-        };
-        let p = gp.predict_with(&self.row, &mut self.scratch)?;
-        let variance = match self.config.draw {
-            MapDraw::Full => p.latent_variance + gp.hyperparameters().noise_variance,
-            MapDraw::Latent => p.latent_variance,
-            MapDraw::Mean => return Ok(p.mean),
-        };
-        let z: f64 = StandardNormal.sample(rng);
-        Ok(p.mean + variance.sqrt() * z)
+    /// A stride as far as it does not depend on the reward: where it leads, what was predicted, and whether it
+    /// is a fall.
+    ///
+    /// # Errors
+    ///
+    /// As [`StrideProcess::stride`].
+    pub fn imagine(
+        &mut self,
+        action: &[f64],
+        rng: &mut ChaCha8Rng,
+    ) -> Result<(Situation, MapPrediction, Stride), ProcessError> {
+        if self.at.is_none() {
+            return Err(ProcessError::NotReset);
+        }
+        let last_action = self.law.apply(action)?;
+        let at = self.at.take().ok_or(ProcessError::NotReset)?;
+        self.row.clear();
+        self.config.input_row(&at, &last_action, &mut self.row);
+        let (mut state, mut means, mut latent_variances) = (State::new(), State::new(), State::new());
+        for (i, gp) in self.outputs.iter().enumerate() {
+            let p = gp.predict_with(&self.row, &mut self.scratch).map_err(MapError::from)?;
+            let drawn = self.config.next(i, &at.state, self.config.draw(gp, p, rng));
+            let [low, high] = self.config.state_range[i];
+            state.push(drawn.clamp(low, high));
+            means.push(self.config.next(i, &at.state, p.mean));
+            latent_variances.push(p.latent_variance);
+        }
+        let fell = self.world.failure.fell(&state);
+        let next = Situation { state, last_action, goal: at.goal.clone() };
+        if !fell {
+            self.at = Some(next.clone());
+        }
+        let end = if fell { StrideEnd::Fell } else { StrideEnd::Crossing };
+        let stride = Stride { next, reward: self.world.failure.reward, end };
+        Ok((at, MapPrediction { means, latent_variances, reward: None }, stride))
     }
 }
 
-enum Output {
-    Component(usize),
-    Reward(Arc<Gp>),
+impl LearnedMap {
+    /// Mean and latent variance of the reward of the stride imagined last, where it has a Gaussian process of
+    /// its own.
+    ///
+    /// # Errors
+    ///
+    /// [`MapError::Gp`] if there was no such stride.
+    pub fn predicted_reward(&self) -> Result<Option<(f64, f64)>, MapError> {
+        let p = self.reward.as_ref().map(|gp| gp.predict(&self.row)).transpose()?;
+        Ok(p.map(|p| (p.mean, p.latent_variance)))
+    }
+}
+
+impl MeanMap for LearnedMap {
+    fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError> {
+        Ok(self.predict(at, &clipped_action(&self.world.spec, action)?)?.means)
+    }
 }
 
 impl StrideProcess for LearnedMap {
@@ -345,7 +364,7 @@ impl StrideProcess for LearnedMap {
         &self.world.spec
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         self.law.reset();
         let state: State = match self.config.start {
             MapStart::Uniform => {
@@ -353,43 +372,27 @@ impl StrideProcess for LearnedMap {
             }
             MapStart::Data => {
                 let sample = &self.samples[rng.random_range(0..self.samples.len())];
-                self.law.reset_to(sample.last_action.clone());
-                sample.state.clone()
+                self.law.reset_to(sample.at.last_action.clone());
+                sample.at.state.clone()
             }
         };
-        self.state = Some(state.clone());
-        Ok(state)
+        let at = Situation { state, last_action: self.law.last().clone(), goal: Goal::new() };
+        self.at = Some(at.clone());
+        Ok(at)
     }
 
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
-        let Some(state) = self.state.take() else {
-            return Err(ProcessError::NotReset);
-        };
-        let last_action = self.law.last().clone();
-        let action = self.law.apply(action)?;
-        let mut row = std::mem::take(&mut self.row);
-        row.clear();
-        self.config.input_row(&state, &action, &last_action, &mut row);
-        self.row = row;
-        let mut next_state = State::new();
-        for i in 0..self.outputs.len() {
-            let drawn = self.draw(Output::Component(i), rng)?;
-            let drawn = self.config.next(i, &state, drawn);
-            let [low, high] = self.config.state_range[i];
-            next_state.push(drawn.clamp(low, high));
+        let (_, _, mut stride) = self.imagine(action, rng)?;
+        if stride.end == StrideEnd::Crossing {
+            stride.reward = match (&self.world.reward, &self.reward) {
+                (Some(of_state), _) => of_state(&stride.next.state),
+                (None, Some(gp)) => {
+                    let p = gp.predict_with(&self.row, &mut self.scratch).map_err(MapError::from)?;
+                    self.config.draw(gp, p, rng)
+                }
+                (None, None) => 0.0,
+            };
         }
-        let failure = self.world.failure;
-        let fell = failure.fell(&next_state);
-        let reward = match (&self.world.reward, &self.reward) {
-            _ if fell => failure.reward,
-            (Some(of_state), _) => of_state(&next_state),
-            (None, Some(gp)) => self.draw(Output::Reward(Arc::clone(gp)), rng)?,
-            (None, None) => 0.0,
-        };
-        let end = if fell { StrideEnd::Fell } else { StrideEnd::Crossing };
-        if !fell {
-            self.state = Some(next_state.clone());
-        }
-        Ok(Stride { action, next_state, reward, end })
+        Ok(stride)
     }
 }

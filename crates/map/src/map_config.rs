@@ -1,9 +1,12 @@
 //! How a map is fitted and how strides are drawn from it.
 
 use serde::{Deserialize, Serialize};
-use stridemap_gp::{Bounds, FitOptions, Kernel, Mean, Range};
+use stridemap_gp::{Bounds, FitOptions, Gp, Kernel, Mean, Range};
 
-use stridemap_process::ProcessError;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use stridemap_gp::Prediction;
+use stridemap_process::{ProcessError, Situation};
 
 /// What a map looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -151,8 +154,13 @@ impl MapConfig {
         self.inputs.iter().map(width).sum()
     }
 
-    /// What the map sees, in the order of its input dimensions: of values, or of their names.
-    pub(crate) fn input_row<T: Clone>(&self, state: &[T], action: &[T], last_action: &[T], row: &mut Vec<T>) {
+    /// What the map sees, in the order of its input dimensions.
+    pub(crate) fn input_row(&self, at: &Situation, action: &[f64], row: &mut Vec<f64>) {
+        self.chosen(&at.state, action, &at.last_action, row);
+    }
+
+    /// The same of values or of their names.
+    pub(crate) fn chosen<T: Clone>(&self, state: &[T], action: &[T], last_action: &[T], row: &mut Vec<T>) {
         for input in &self.inputs {
             match input {
                 MapInput::State if self.invariant.is_empty() => row.extend_from_slice(state),
@@ -188,6 +196,17 @@ impl MapConfig {
     /// [`Self::target`].
     pub(crate) fn next(&self, component: usize, state: &[f64], target: f64) -> f64 {
         if self.is_invariant(component) { -(target + state[component]) } else { target }
+    }
+
+    /// What a stride draws of an output.
+    pub(crate) fn draw(&self, gp: &Gp, at: Prediction, rng: &mut ChaCha8Rng) -> f64 {
+        let variance = match self.draw {
+            MapDraw::Full => at.latent_variance + gp.hyperparameters().noise_variance,
+            MapDraw::Latent => at.latent_variance,
+            MapDraw::Mean => return at.mean,
+        };
+        let z: f64 = StandardNormal.sample(rng);
+        at.mean + variance.sqrt() * z
     }
 
     /// Search options for one output. The upper bounds, and lower ones not given, follow the spread of

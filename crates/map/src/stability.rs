@@ -2,7 +2,7 @@
 
 use nalgebra::{Complex, DMatrix, DVector};
 
-use stridemap_process::{Action, MeanMap, ProcessError, State};
+use stridemap_process::{Action, MeanMap, ProcessError, Situation, State};
 
 use crate::error::MapError;
 
@@ -55,16 +55,18 @@ impl FixedPoint {
 /// 2 (n + m) + 1 evaluations of the map; the error is of second order in the steps.
 pub fn linearize(
     map: &dyn MeanMap,
-    state: &[f64],
+    at: &Situation,
     action: &[f64],
     state_steps: &[f64],
     action_steps: &[f64],
 ) -> Result<Linearization, MapError> {
-    check_length("state_steps", state_steps.len(), state.len())?;
+    check_length("state_steps", state_steps.len(), at.state.len())?;
     check_length("action_steps", action_steps.len(), action.len())?;
-    let next_state = map.mean_next_state(state, action)?;
-    let by_state = differences(state, state_steps, &mut |x| map.mean_next_state(x, action))?;
-    let by_action = differences(action, action_steps, &mut |u| map.mean_next_state(state, u))?;
+    let next_state = map.mean_next_state(at, action)?;
+    let by_state = differences(&at.state, state_steps, &mut |x| {
+        map.mean_next_state(&Situation { state: State::from_slice(x), ..at.clone() }, action)
+    })?;
+    let by_action = differences(action, action_steps, &mut |u| map.mean_next_state(at, u))?;
     Ok(Linearization { next_state, state: by_state, action: by_action })
 }
 
@@ -72,7 +74,8 @@ pub fn linearize(
 ///
 /// # Arguments
 ///
-/// - `policy` – the action at a state, for instance the mean of a policy.
+/// - `policy` – the action at a situation, for instance the mean of a policy; the map sees it as the last
+///   action as well.
 /// - `guess` – where to start.
 /// - `steps` – half the distance of the evaluations, per component, in its unit; also the scale on
 ///   which the fixed point is found: to 10⁻⁹ of a step.
@@ -91,8 +94,8 @@ pub fn linearize(
 /// # use stridemap_process::*;
 /// struct Line;
 /// impl MeanMap for Line {
-///     fn mean_next_state(&self, x: &[f64], _u: &[f64]) -> Result<State, ProcessError> {
-///         Ok(State::from_slice(&[1.0 + 0.5 * x[0]]))
+///     fn mean_next_state(&self, at: &Situation, _u: &[f64]) -> Result<State, ProcessError> {
+///         Ok(State::from_slice(&[1.0 + 0.5 * at.state[0]]))
 ///     }
 /// }
 /// let found = fixed_point(&Line, &|_| Action::new(), &[0.0], &[0.1])?;
@@ -102,7 +105,7 @@ pub fn linearize(
 /// ```
 pub fn fixed_point(
     map: &dyn MeanMap,
-    policy: &dyn Fn(&[f64]) -> Action,
+    policy: &dyn Fn(&Situation) -> Action,
     guess: &[f64],
     steps: &[f64],
 ) -> Result<FixedPoint, MapError> {
@@ -110,7 +113,11 @@ pub fn fixed_point(
     const TOLERANCE_STEPS: f64 = 1e-9;
     check_length("steps", steps.len(), guess.len())?;
     let n = guess.len();
-    let mut closed_loop = |x: &[f64]| map.mean_next_state(x, &policy(x));
+    let mut closed_loop = |x: &[f64]| {
+        let mut at = Situation::of_state(x);
+        at.last_action = policy(&at);
+        map.mean_next_state(&at, &at.last_action)
+    };
     let mut x = State::from_slice(guess);
     let mut residual = f64::INFINITY;
     for iterations in 0..=MOST_ITERATIONS {

@@ -6,9 +6,12 @@ use rand_chacha::rand_core::SeedableRng;
 use smallvec::smallvec;
 use stridemap_gp::{Kernel, Mean};
 use stridemap_map::{
-    LearnedMap, MapConfig, MapDraw, MapError, MapFailure, MapInput, MapPoint, MapSample, MapStart, MapWorld,
+    LearnedMap, MapConfig, MapDraw, MapError, MapFailure, MapInput, MapPoint, MapPrediction, MapSample, MapStart,
+    MapWorld,
 };
-use stridemap_process::{ActionDimension, ActionLimits, ProcessSpec, StateDimension, StrideEnd, StrideProcess};
+use stridemap_process::{
+    ActionDimension, ActionLimits, ProcessSpec, Situation, StateDimension, StrideEnd, StrideProcess,
+};
 
 /// Slopes of the first component on itself and on the action, and of the turn likewise.
 const F: f64 = -0.5;
@@ -18,6 +21,11 @@ const TURN_OF_ACTION: f64 = 3.0;
 
 fn turn(x: f64, u: f64) -> f64 {
     TURN_OF_STATE * x + TURN_OF_ACTION * u
+}
+
+/// In a state, after no action.
+fn at(state: &[f64]) -> Situation {
+    Situation { last_action: smallvec![0.0], ..Situation::of_state(state) }
 }
 
 /// A robot with one inner component and a heading, mirrored from stride to stride:
@@ -34,8 +42,7 @@ fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, MapError
             let mut draw = || 2.0 * rng.random::<f64>() - 1.0;
             let (x, u, h) = (draw(), actions * draw(), heading + 5.0 * draw());
             MapSample {
-                state: smallvec![x, h],
-                last_action: smallvec![0.0],
+                at: at(&[x, h]),
                 action: smallvec![u],
                 next_state: smallvec![F * x + G * u, -(h + turn(x, u))],
                 reward: 0.0,
@@ -74,7 +81,7 @@ fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, MapError
 fn a_heading_is_carried_not_learned() {
     let map = map(0.0).unwrap();
     for h in [0.0, 170.0, -3000.0] {
-        let (means, variances) = map.predict(&[0.3, h], &[-0.2], &[0.0]).unwrap();
+        let MapPrediction { means, latent_variances: variances, .. } = map.predict(&at(&[0.3, h]), &[-0.2]).unwrap();
         assert!((means[0] - (F * 0.3 - G * 0.2)).abs() < 1e-3, "{means:?}");
         assert!((means[1] + h + turn(0.3, -0.2)).abs() < 1e-3, "{means:?}");
         assert!(variances[1] < 1e-4, "{variances:?}");
@@ -99,14 +106,14 @@ fn strides_carry_the_heading() {
     let from = map.reset(&mut rng).unwrap();
     let stride = map.stride(&[0.5], &mut rng).unwrap();
     assert_eq!(stride.end, StrideEnd::Crossing);
-    assert!((stride.next_state[1] + from[1] + turn(from[0], 0.5)).abs() < 1e-3);
+    assert!((stride.next.state[1] + from.state[1] + turn(from.state[0], 0.5)).abs() < 1e-3);
 }
 
 /// Slopes of a linear law are its coefficients, with −1 of a heading on itself; the map is sure of them
 /// where it has data, and not sure of the slopes of a map that has seen the action do nothing.
 #[test]
 fn slopes_are_those_of_the_law_and_come_with_their_covariance() {
-    let at = |x: f64, h: f64, u: f64| MapPoint { state: smallvec![x, h], action: vec![u], last_action: vec![0.0] };
+    let at = |x: f64, h: f64, u: f64| MapPoint { at: at(&[x, h]), action: smallvec![u] };
     let half = 0.1;
     let moves = [
         (at(half, 0.0, 0.0), at(-half, 0.0, 0.0), half),

@@ -13,9 +13,11 @@
 
 mod action_law;
 mod process;
+mod roll_out;
 
 pub use action_law::{ActionLaw, ActionLimits};
 pub use process::{
-    Action, ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
-    StrideProcess, clipped_action,
+    Action, ActionDimension, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, StateDimension, Stride,
+    StrideEnd, StrideProcess, clipped_action,
 };
+pub use roll_out::{Actor, Made, Next, roll_out, walk};

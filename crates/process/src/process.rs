@@ -10,6 +10,35 @@ pub type State = SmallVec<[f64; 8]>;
 /// An action, in the units of [`ProcessSpec::action`].
 pub type Action = SmallVec<[f64; 8]>;
 
+/// What the robot is asked to do in the next stride, such as a speed. Tasks with one purpose have none: it is empty.
+pub type Goal = SmallVec<[f64; 4]>;
+
+/// All that the choice of the next action may depend on, and with it what a map predicts from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Situation {
+    /// x(k).
+    pub state: State,
+    /// u(k−1), as it was applied.
+    pub last_action: Action,
+    /// What the next stride is asked to do.
+    pub goal: Goal,
+}
+
+impl<const N: usize> From<[f64; N]> for Situation {
+    /// In a state, for who looks at nothing else.
+    fn from(state: [f64; N]) -> Self {
+        Self::of_state(&state)
+    }
+}
+
+impl Situation {
+    /// In a state, for who looks at nothing else.
+    #[must_use]
+    pub fn of_state(state: &[f64]) -> Self {
+        Self { state: State::from_slice(state), ..Self::default() }
+    }
+}
+
 /// One component of the state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StateDimension {
@@ -74,14 +103,21 @@ impl StrideEnd {
 /// One stride: from one section to the next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stride {
-    /// The action as it was applied, after bounds and rate limits.
-    pub action: Action,
-    /// The state at the next section; where the stride ended otherwise, the last state known.
-    pub next_state: State,
+    /// Where it ended: the state at the next section (where the stride ended otherwise, the last state
+    /// known), the action as it was applied, after bounds and rate limits, and the goal of the next stride.
+    pub next: Situation,
     /// r(k+1).
     pub reward: f64,
     /// How it ended.
     pub end: StrideEnd,
+}
+
+impl Stride {
+    /// The action as it was applied.
+    #[must_use]
+    pub const fn action(&self) -> &Action {
+        &self.next.last_action
+    }
 }
 
 /// What can go wrong inside a process. A fall is not an error: see [`StrideEnd`].
@@ -142,7 +178,7 @@ pub enum ProcessError {
 ///
 /// # Contract
 ///
-/// - [`reset`](Self::reset) puts the process at the section and returns the state there.
+/// - [`reset`](Self::reset) puts the process at the section and returns the situation there.
 /// - [`stride`](Self::stride) applies an action until the next section. Actions outside
 ///   [`ProcessSpec::action`]'s bounds are clipped to them; the action that was applied is in the
 ///   answer.
@@ -157,7 +193,7 @@ pub trait StrideProcess {
     /// # Errors
     ///
     /// [`ProcessError`] if the process cannot be started.
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError>;
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError>;
 
     /// Applies an action until the next section.
     ///
@@ -177,7 +213,7 @@ pub trait MeanMap {
     ///
     /// [`ProcessError::NoReturn`] if the stride does not reach the next section; [`ProcessError`] for a
     /// bad state or action.
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError>;
+    fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError>;
 }
 
 /// Checks an action against a process: length and finiteness; then clips it to the bounds.

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use stridemap_learn::{Policy, SavedPolicy};
-use stridemap_map::LearnedMap;
-use stridemap_process::{ProcessError, StrideProcess};
+use stridemap_map::{LearnedMap, MapError};
+use stridemap_process::{Action, Goal, Situation, State, StrideProcess};
 
 use crate::columns::Columns;
 use crate::error::RecordError;
@@ -65,11 +65,12 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
             for x in &state {
                 let _ = write!(text, ",{x}");
             }
-            for (mean, std) in policy.mean(&state).iter().zip(policy.std(&state)) {
+            let at = Situation::of_state(&state);
+            for (mean, std) in policy.mean(&at).iter().zip(policy.std(&at)) {
                 let _ = write!(text, ",{mean},{std}");
             }
             if let Some(network) = critic {
-                let _ = write!(text, ",{}", network.value(&state));
+                let _ = write!(text, ",{}", network.value(&at));
             }
             text.push('\n');
         }
@@ -81,14 +82,21 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
 struct Cut {
     states: Vec<[f64; 2]>,
     actions: Vec<[f64; 2]>,
-    state: Vec<f64>,
-    action: Vec<f64>,
+    state: State,
+    action: Action,
 }
 
 impl Cut {
+    /// With some components changed, the last action equal to the action.
+    fn moved(&self, change: impl FnOnce(&mut State, &mut Action)) -> Situation {
+        let mut at = Situation { state: self.state.clone(), last_action: self.action.clone(), goal: Goal::new() };
+        change(&mut at.state, &mut at.last_action);
+        at
+    }
+
     /// The state to which the map settles under the policy's mean (from the median of the data, kept within
     /// the data), and the action there.
-    fn through(map: &LearnedMap, policy: &SavedPolicy) -> Result<Self, ProcessError> {
+    fn through(map: &LearnedMap, policy: &SavedPolicy) -> Result<Self, MapError> {
         /// Long enough for multipliers up to about 0.9.
         const STRIDES: usize = 40;
         let (spec, samples) = (map.spec(), map.samples());
@@ -96,22 +104,23 @@ impl Cut {
             let all = (0..samples.len()).map(value);
             all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
         };
-        let states: Vec<[f64; 2]> = (0..spec.state.len()).map(|d| span(&|i| samples[i].state[d])).collect();
+        let states: Vec<[f64; 2]> = (0..spec.state.len()).map(|d| span(&|i| samples[i].at.state[d])).collect();
         let actions: Vec<[f64; 2]> = (0..spec.action.len()).map(|d| span(&|i| samples[i].action[d])).collect();
-        let mut state: Vec<f64> =
-            (0..spec.state.len()).map(|d| median(samples.iter().map(|s| s.state[d]).collect())).collect();
+        let middle: State =
+            (0..spec.state.len()).map(|d| median(samples.iter().map(|s| s.at.state[d]).collect())).collect();
+        let mut at = Situation::of_state(&middle);
         for _ in 0..STRIDES {
-            let action = policy.mean(&state);
-            let (next, _) = map.predict(&state, &action, &action)?;
-            for ((x, to), [low, high]) in state.iter_mut().zip(next).zip(&states) {
+            at.last_action = policy.mean(&at);
+            let next = map.predict(&at, &at.last_action)?.means;
+            for ((x, to), [low, high]) in at.state.iter_mut().zip(next).zip(&states) {
                 *x = to.clamp(*low, *high);
             }
         }
         Ok(Self {
             states: states.into_iter().map(widened).collect(),
             actions: actions.into_iter().map(widened).collect(),
-            action: policy.mean(&state).to_vec(),
-            state,
+            action: policy.mean(&at),
+            state: at.state,
         })
     }
 }
@@ -124,8 +133,8 @@ impl Cut {
 ///
 /// # Errors
 ///
-/// [`ProcessError`] if the map cannot be evaluated.
-pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, ProcessError> {
+/// [`MapError`] if the map cannot be evaluated.
+pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, MapError> {
     let spec = map.spec();
     let cut = Cut::through(map, policy)?;
     let mut text = String::from("state_axis,action_axis");
@@ -143,15 +152,13 @@ pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, Proce
         for (j, action_range) in cut.actions.iter().enumerate() {
             for x in axis(state_range[0], state_range[1], PLANE) {
                 for u in axis(action_range[0], action_range[1], PLANE) {
-                    let (mut state, mut action) = (cut.state.clone(), cut.action.clone());
-                    state[i] = x;
-                    action[j] = u;
-                    let (means, variances) = map.predict(&state, &action, &action)?;
+                    let at = cut.moved(|state, action| (state[i], action[j]) = (x, u));
+                    let p = map.predict(&at, &at.last_action)?;
                     let _ = write!(text, "{i},{j}");
-                    for value in state.iter().chain(&action) {
+                    for value in at.state.iter().chain(&at.last_action) {
                         let _ = write!(text, ",{value}");
                     }
-                    for ((mean, variance), gp) in means.iter().zip(&variances).zip(map.outputs()) {
+                    for ((mean, variance), gp) in p.means.iter().zip(&p.latent_variances).zip(map.outputs()) {
                         let noise = gp.hyperparameters().noise_variance;
                         let _ = write!(text, ",{mean},{},{}", variance.sqrt(), noise.sqrt());
                     }
@@ -172,8 +179,8 @@ pub fn map_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, Proce
 ///
 /// # Errors
 ///
-/// [`ProcessError`] if the map cannot be evaluated.
-pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, ProcessError> {
+/// [`MapError`] if the map cannot be evaluated.
+pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, MapError> {
     let spec = map.spec();
     let cut = Cut::through(map, policy)?;
     let outputs: Vec<_> = map.outputs().iter().chain(map.reward_output()).collect();
@@ -191,14 +198,13 @@ pub fn line_table(map: &LearnedMap, policy: &SavedPolicy) -> Result<String, Proc
     text.push('\n');
     for (along, [low, high]) in cut.states.iter().chain(&cut.actions).enumerate() {
         for value in axis(*low, *high, LINE) {
-            let (mut state, mut action) = (cut.state.clone(), cut.action.clone());
-            match along.checked_sub(state.len()) {
+            let at = cut.moved(|state, action| match along.checked_sub(state.len()) {
                 None => state[along] = value,
                 Some(j) => action[j] = value,
-            }
-            let p = map.predict_all(&state, &action, &action)?;
+            });
+            let p = map.predict(&at, &at.last_action)?;
             let _ = write!(text, "{along}");
-            for value in state.iter().chain(&action) {
+            for value in at.state.iter().chain(&at.last_action) {
                 let _ = write!(text, ",{value}");
             }
             let predicted = p.means.iter().copied().zip(p.latent_variances.iter().copied());

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-use stridemap_process::{Action, State, StrideEnd};
+use stridemap_process::{Action, Goal, Situation, State, StrideEnd};
 use stridemap_robot::Side;
 
 /// Why a stride was made.
@@ -102,6 +102,12 @@ pub struct Transition {
 }
 
 impl Transition {
+    /// Where it began, as policy and map see it.
+    #[must_use]
+    pub fn situation(&self) -> Situation {
+        Situation { state: self.state.clone(), last_action: self.last_action.clone(), goal: Goal::new() }
+    }
+
     /// The word for its stance leg that is used in files, empty if it is not known.
     #[must_use]
     pub const fn stance_name(&self) -> &'static str {

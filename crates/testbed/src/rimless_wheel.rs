@@ -3,8 +3,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_process::{
-    ActionDimension, MeanMap, ProcessError, ProcessSpec, State, StateDimension, Stride, StrideEnd, StrideProcess,
-    clipped_action,
+    Action, ActionDimension, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, StateDimension, Stride,
+    StrideEnd, StrideProcess, clipped_action,
 };
 
 /// Parameters of a [`RimlessWheel`].
@@ -173,9 +173,9 @@ impl RimlessWheel {
 }
 
 impl MeanMap for RimlessWheel {
-    fn mean_next_state(&self, state: &[f64], action: &[f64]) -> Result<State, ProcessError> {
-        let &[speed] = state else {
-            let found = state.len();
+    fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError> {
+        let &[speed] = at.state.as_slice() else {
+            let found = at.state.len();
             return Err(ProcessError::Length { what: "state", expected: 1, found });
         };
         let action = clipped_action(&self.spec, action)?;
@@ -191,12 +191,12 @@ impl StrideProcess for RimlessWheel {
         &self.spec
     }
 
-    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         use rand::Rng;
         let [low, high] = self.parameters.initial_rad_s;
         let speed = low + (high - low) * rng.random::<f64>();
         self.speed_rad_s = Some(speed);
-        Ok(State::from_slice(&[speed]))
+        Ok(Situation { state: State::from_slice(&[speed]), last_action: Action::from_slice(&[0.0]), goal: Goal::new() })
     }
 
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
@@ -204,15 +204,15 @@ impl StrideProcess for RimlessWheel {
         let speed = self.speed_rad_s.take().ok_or(ProcessError::NotReset)?;
         let z: f64 = StandardNormal.sample(rng);
         let slope = self.parameters.slope_rad + self.parameters.slope_std_rad * z;
-        Ok(match self.step(speed, slope, action[0]) {
+        let (speed, reward, end) = match self.step(speed, slope, action[0]) {
             Ok(next) => {
                 self.speed_rad_s = Some(next);
-                let reward = -(next - self.parameters.target_rad_s).powi(2);
-                let next_state = State::from_slice(&[next]);
-                Stride { action, next_state, reward, end: StrideEnd::Crossing }
+                (next, -(next - self.parameters.target_rad_s).powi(2), StrideEnd::Crossing)
             }
-            Err(end) => Stride { action, next_state: State::from_slice(&[speed]), reward: -1.0, end },
-        })
+            Err(end) => (speed, -1.0, end),
+        };
+        let next = Situation { state: State::from_slice(&[speed]), last_action: action, goal: Goal::new() };
+        Ok(Stride { next, reward, end })
     }
 }
 
@@ -258,7 +258,7 @@ mod tests {
         }
         // Angular momentum about the new foot: ℓ² cos 2α + j before, ℓ² + j after.
         let after = rate * (f64::cos(0.6) + 0.3) / 1.3;
-        let next = wheel.mean_next_state(&[speed], &[0.0]).unwrap()[0];
+        let next = wheel.mean_next_state(&[speed].into(), &[0.0]).unwrap()[0];
         assert!((next - after).abs() < 1e-5, "{next} is not {after}");
     }
 
@@ -268,8 +268,8 @@ mod tests {
         let wheel = wheel(|_| ());
         let exact = wheel.fixed_point_rad_s(0.0).unwrap();
         let twice = |x: f64| {
-            let once = wheel.mean_next_state(&[x], &[0.0]).unwrap();
-            wheel.mean_next_state(&once, &[0.0]).unwrap()[0]
+            let once = wheel.mean_next_state(&[x].into(), &[0.0]).unwrap();
+            wheel.mean_next_state(&[once[0]].into(), &[0.0]).unwrap()[0]
         };
         let pairs: Vec<_> = (-5..=5).map(|i| exact + 1e-4 * f64::from(i)).map(|x| (x, twice(x))).collect();
         let line = ReturnLine::fit(&pairs).unwrap();
@@ -280,7 +280,7 @@ mod tests {
     #[test]
     fn slow_wheels_stall_and_fast_ones_fly() {
         let wheel = wheel(|_| ());
-        let no_return = |speed| match wheel.mean_next_state(&[speed], &[0.0]) {
+        let no_return = |speed| match wheel.mean_next_state(&[speed].into(), &[0.0]) {
             Err(ProcessError::NoReturn { end }) => end,
             other => panic!("{other:?}"),
         };

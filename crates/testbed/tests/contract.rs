@@ -53,8 +53,8 @@ fn the_same_seed_gives_the_same_strides_and_another_does_not() {
         assert_ne!(first, walk(process.as_mut(), 2), "{name}");
         let states = process.spec().state.len();
         for stride in &first {
-            assert_eq!(stride.next_state.len(), states, "{name}");
-            assert!(stride.next_state.iter().all(|x| x.is_finite()) && stride.reward.is_finite());
+            assert_eq!(stride.next.state.len(), states, "{name}");
+            assert!(stride.next.state.iter().all(|x| x.is_finite()) && stride.reward.is_finite());
         }
     }
 }
@@ -70,7 +70,7 @@ fn actions_are_checked_and_clipped() {
         }
         let bounds = process.spec().action[0].clone();
         // A refused action does not use up the state.
-        let applied = process.stride(&[1e9], &mut rng).unwrap().action[0];
+        let applied = process.stride(&[1e9], &mut rng).unwrap().action()[0];
         assert_eq!(applied.to_bits(), bounds.upper.to_bits(), "{name}");
     }
 }
@@ -84,9 +84,9 @@ fn strides_without_noise_follow_the_mean_map() {
     let mut compass = compass();
     fn check<P: StrideProcess + MeanMap>(process: &mut P) {
         let mut rng = ChaCha8Rng::seed_from_u64(4);
-        let state = process.reset(&mut rng).unwrap();
-        let mean = process.mean_next_state(&state, &[0.2]).unwrap();
-        assert_eq!(process.stride(&[0.2], &mut rng).unwrap().next_state, mean);
+        let at = process.reset(&mut rng).unwrap();
+        let mean = process.mean_next_state(&at, &[0.2]).unwrap();
+        assert_eq!(process.stride(&[0.2], &mut rng).unwrap().next.state, mean);
     }
     check(&mut linear);
     check(&mut wheel);

@@ -11,7 +11,7 @@ use stridemap_lab::{
     StatePart, builtin, gaits, learners, rewards, states,
 };
 use stridemap_learn::{ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary};
-use stridemap_process::StrideProcess;
+use stridemap_process::{Action, Next, StrideProcess, walk};
 use stridemap_record::{Measured, Summary};
 use stridemap_robot::{JointTargets, LegJoint, LegRole, Legs, RobotState};
 
@@ -89,20 +89,25 @@ impl Learner for RandomSearch {
         _observer: &mut dyn FnMut(&TrialReport<'_>),
     ) -> Result<LearnOutcome, LearnError> {
         let spec = process.spec().clone();
-        let (mut best, mut most, mut strides) = (Vec::new(), f64::NEG_INFINITY, 0);
+        let (mut best, mut most, mut strides) = (Action::new(), f64::NEG_INFINITY, 0);
         for _ in 0..self.candidates {
             let bounds = spec.action.iter().map(|a| (a.lower, a.upper - a.lower));
-            let action: Vec<f64> = bounds.map(|(l, w)| l + w * rng.random::<f64>()).collect();
-            process.reset(rng)?;
+            let action: Action = bounds.map(|(l, w)| l + w * rng.random::<f64>()).collect();
             let mut sum = 0.0;
-            for _ in 0..24 {
-                let stride = process.stride(&action, rng)?;
-                (sum, strides) = (sum + stride.reward, strides + 1);
-                if stride.end.is_terminal() {
-                    sum = f64::NEG_INFINITY;
-                    break;
-                }
-            }
+            walk(
+                process,
+                24,
+                rng,
+                |_| action.clone(),
+                |_, made| {
+                    (sum, strides) = (sum + made.stride.reward, strides + 1);
+                    if made.stride.end.is_terminal() {
+                        sum = f64::NEG_INFINITY;
+                        return Next::Stop;
+                    }
+                    Next::Go
+                },
+            )?;
             if best.is_empty() || sum > most {
                 (best, most) = (action, sum);
             }

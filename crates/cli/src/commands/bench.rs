@@ -2,10 +2,12 @@
 
 use std::time::Instant;
 
+use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{Algorithm, NoRecorder, builtin};
-use stridemap_process::StrideProcess;
+use stridemap_lab::{Algorithm, LabError, NoRecorder, Plant, builtin};
+use stridemap_learn::Policy;
+use stridemap_process::{Action, Actor, Made, Next, ProcessError, Situation, roll_out, walk};
 
 use crate::failure::Failure;
 use crate::output;
@@ -30,6 +32,28 @@ struct Timings {
     fit_and_improve_over_simulation: f64,
 }
 
+/// Walks one action, timed from the end of the start-up on.
+struct Timed {
+    action: Action,
+    started: Instant,
+    engine_s: Option<f64>,
+    robot_s: f64,
+}
+
+impl Actor<Plant, ProcessError> for Timed {
+    fn begin(&mut self, plant: &mut Plant, _: &Situation) -> Result<Next, ProcessError> {
+        (self.engine_s, self.robot_s) = (plant.robot().engine_seconds(), plant.robot().state().time_s);
+        self.started = Instant::now();
+        Ok(Next::Go)
+    }
+    fn act(&mut self, _: &mut Plant, _: &Situation, _: &mut ChaCha8Rng) -> Result<Action, ProcessError> {
+        Ok(self.action.clone())
+    }
+    fn saw(&mut self, _: &mut Plant, _: Made<'_>) -> Result<Next, ProcessError> {
+        Ok(Next::Go)
+    }
+}
+
 /// Times the parts of `learn stepping`.
 pub fn bench(json: bool) -> Result<(), Failure> {
     let task = builtin::load("stepping", &[])?.task;
@@ -37,19 +61,15 @@ pub fn bench(json: bool) -> Result<(), Failure> {
     output::note("strides on the robot against the physics in them");
     let mut plant = task.plant()?;
     let mut rng = stream(1, Role::Run, 0);
-    plant.reset(&mut rng).map_err(stridemap_lab::LabError::from)?;
-    let nominal: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
-    let (engine_before, robot_before) = (plant.robot().engine_seconds(), plant.robot().state().time_s);
-    let started = Instant::now();
-    for _ in 0..PLANT_STRIDES {
-        plant.stride(&nominal, &mut rng).map_err(stridemap_lab::LabError::from)?;
-    }
-    let plant_s = started.elapsed().as_secs_f64();
-    let engine_s = match (engine_before, plant.robot().engine_seconds()) {
+    let action = task.action_limits()?.iter().map(|l| l.neutral).collect();
+    let mut timed = Timed { action, started: Instant::now(), engine_s: None, robot_s: 0.0 };
+    roll_out(&mut plant, PLANT_STRIDES, &mut timed, &mut rng).map_err(LabError::from)?;
+    let plant_s = timed.started.elapsed().as_secs_f64();
+    let engine_s = match (timed.engine_s, plant.robot().engine_seconds()) {
         (Some(before), Some(after)) => after - before,
         _ => f64::NAN,
     };
-    let robot_s = plant.robot().state().time_s - robot_before;
+    let robot_s = plant.robot().state().time_s - timed.robot_s;
     let step_s = task.robot.time_step_s.unwrap_or(0.001);
 
     output::note("a whole run of learn stepping");
@@ -61,16 +81,9 @@ pub fn bench(json: bool) -> Result<(), Failure> {
     output::note("strides in its map");
     let mut map = algorithm.fit(&mut NoRecorder)?;
     let policy = task.nominal_policy()?;
-    let mut state = map.reset(&mut rng).map_err(stridemap_lab::LabError::from)?;
     let started = Instant::now();
-    for _ in 0..MAP_STRIDES {
-        let action = stridemap_learn::Policy::mean(&policy, &state);
-        let stride = map.stride(&action, &mut rng).map_err(stridemap_lab::LabError::from)?;
-        state = match stride.end {
-            stridemap_process::StrideEnd::Crossing => stride.next_state,
-            _ => map.reset(&mut rng).map_err(stridemap_lab::LabError::from)?,
-        };
-    }
+    let mean = |at: &Situation| policy.mean(at);
+    walk(&mut map, MAP_STRIDES, &mut rng, mean, |_, _| Next::Go).map_err(LabError::from)?;
     let per_s = MAP_STRIDES as f64 / started.elapsed().as_secs_f64();
 
     let timings = Timings {

@@ -7,11 +7,12 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use rand_chacha::ChaCha8Rng;
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{StrideObserver, Task, TickObserver};
+use stridemap_lab::{Plant, StrideObserver, Task, TickObserver};
 use stridemap_link::{Operator, RemoteMachine, SharedJournal};
 use stridemap_mujoco::MujocoConfig;
-use stridemap_process::{StrideEnd, StrideProcess};
+use stridemap_process::{Action, ActionLimits, Actor, Made, Next, ProcessError, Situation, StrideEnd, roll_out};
 use stridemap_record::{FELL_IN_START, Fall, FallCriterion, append_event};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::Crossing;
@@ -184,6 +185,25 @@ impl TickObserver for Fastest {
     }
 }
 
+/// Walks one action, watched once it has started.
+struct Fast {
+    action: Action,
+    most: Arc<Mutex<f64>>,
+}
+
+impl Actor<Plant, ProcessError> for Fast {
+    fn begin(&mut self, plant: &mut Plant, _: &Situation) -> Result<Next, ProcessError> {
+        plant.observe(Some(Box::new(Fastest(Arc::clone(&self.most)))));
+        Ok(Next::Go)
+    }
+    fn act(&mut self, _: &mut Plant, _: &Situation, _: &mut ChaCha8Rng) -> Result<Action, ProcessError> {
+        Ok(self.action.clone())
+    }
+    fn saw(&mut self, _: &mut Plant, made: Made<'_>) -> Result<Next, ProcessError> {
+        Ok(if made.stride.end == StrideEnd::Crossing { Next::Go } else { Next::Stop })
+    }
+}
+
 /// The largest joint rate of the task's gait on its model, simulated here: with the nominal action and at both
 /// bounds of every action. `None` if the model cannot walk.
 fn largest_joint_rate_rad_s(task: &Task) -> Option<f64> {
@@ -197,21 +217,11 @@ fn largest_joint_rate_rad_s(task: &Task) -> Option<f64> {
     let limits = twin.action_limits().ok()?;
     let most = Arc::new(Mutex::new(0.0));
     let mut plant = twin.plant().ok()?;
-    let actions: [Vec<f64>; 3] = [
-        limits.iter().map(|l| l.neutral).collect(),
-        limits.iter().map(|l| l.lower).collect(),
-        limits.iter().map(|l| l.upper).collect(),
-    ];
     let mut rng = stream(0, Role::Run, 0);
-    for action in actions {
+    for bound in [|l: &ActionLimits| l.neutral, |l: &ActionLimits| l.lower, |l: &ActionLimits| l.upper] {
         plant.observe(None);
-        plant.reset(&mut rng).ok()?;
-        plant.observe(Some(Box::new(Fastest(Arc::clone(&most)))));
-        for _ in 0..STRIDES {
-            if plant.stride(&action, &mut rng).ok()?.end != StrideEnd::Crossing {
-                break;
-            }
-        }
+        let mut fast = Fast { action: limits.iter().map(bound).collect(), most: Arc::clone(&most) };
+        roll_out(&mut plant, STRIDES, &mut fast, &mut rng).ok()?;
     }
     let most = most.lock().ok().map(|most| *most);
     most.filter(|rate| *rate > 0.0)

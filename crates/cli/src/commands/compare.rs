@@ -128,7 +128,7 @@ pub fn fig8_data(comparison: &Comparison) -> Fig8 {
 pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
     let states: Vec<f64> = (0..=60).map(|i| 0.1 * f64::from(i)).collect();
     let curve = |policies: Vec<&SavedPolicy>, visited: Vec<f64>| {
-        let at = |x: &f64| Spread::of(&policies.iter().map(|p| p.mean(&[*x])[0]).collect::<Vec<_>>());
+        let at = |x: &f64| Spread::of(&policies.iter().map(|p| p.mean(&[*x].into())[0]).collect::<Vec<_>>());
         PolicyCurve { spread: states.iter().map(at).collect(), visited }
     };
     let visited = |of: &dyn Fn(&CompareSeed) -> Vec<f64>| arms.iter().flat_map(of).collect();

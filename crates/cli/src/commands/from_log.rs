@@ -1,16 +1,19 @@
 //! Strides from a robot's log, with no robot at all.
 
 use std::path::Path;
-use std::sync::{MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{LabError, Plant, Task, builtin};
+use stridemap_lab::{Batch, LabError, Plant, Task, builtin};
 use stridemap_link::{LogReport, LoggedAction, Repeated, ReplayMachine, read_log};
 use stridemap_mujoco::estimator;
-use stridemap_process::{Action, ActionLaw, ActionLimits, ProcessError, StrideEnd, StrideProcess};
+use stridemap_process::{
+    Action, ActionLaw, ActionLimits, Actor, Made, Next, ProcessError, Situation, StrideEnd, roll_out,
+};
 use stridemap_record::{Columns, StridePhase, StrideRole, Transition, files};
-use stridemap_robot::EstimatedRobot;
+use stridemap_robot::{EstimatedRobot, Side};
 
 use super::linked;
 use crate::args::Common;
@@ -143,7 +146,7 @@ fn asked(actions: &[LoggedAction], now_s: f64, within_s: f64) -> Option<&LoggedA
     (!actions.iter().any(rival)).then_some(nearest)
 }
 
-fn held(repeated: &std::sync::Mutex<Repeated>) -> MutexGuard<'_, Repeated> {
+fn held(repeated: &Mutex<Repeated>) -> MutexGuard<'_, Repeated> {
     repeated.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -157,8 +160,8 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
     let repeated = machine.repeated();
     let estimator = estimator(&linked::here(task).robot).map_err(LabError::from)?;
     let robot = EstimatedRobot::new(machine, estimator).map_err(LabError::from)?;
-    let mut made = Made {
-        plant: task.plant_on(Box::new(robot))?,
+    let mut plant = task.plant_on(Box::new(robot))?;
+    let mut made = FromEpisodes {
         limits: task.action_limits()?,
         within_s: link.gap_s,
         sections: 0,
@@ -170,7 +173,7 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
     };
     let mut episode = 0;
     while held(&repeated).left > 0 {
-        made.episode(episode, &repeated)?;
+        made.episode(&mut plant, episode, &repeated)?;
         episode += 1;
     }
     if 2 * made.unlike > made.sections {
@@ -195,8 +198,7 @@ fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog),
 }
 
 /// The strides made so far from a log.
-struct Made {
-    plant: Plant,
+struct FromEpisodes {
     limits: Vec<ActionLimits>,
     /// An action belongs to the section that is this near in time.
     within_s: f64,
@@ -209,7 +211,7 @@ struct Made {
     notes: Vec<String>,
 }
 
-impl Made {
+impl FromEpisodes {
     /// Takes note of why an episode's strides end, and of the actions that have none.
     fn over(&mut self, episode: usize, why: Option<String>, without_stride: usize) {
         self.left_out.actions_without_stride += without_stride;
@@ -224,11 +226,11 @@ impl Made {
     }
 
     /// Compares the section just found with the log's own.
-    fn compare(&mut self, sections: &[(f64, f64)]) {
+    fn compare(&mut self, plant: &Plant, sections: &[(f64, f64)]) {
         /// More than a lost message makes of a section.
         const LIKE_DEG: f64 = 0.1;
-        let now_s = self.plant.robot().state().time_s;
-        let psi_deg = self.plant.last_measures().psi_roll_deg;
+        let now_s = plant.robot().state().time_s;
+        let psi_deg = plant.last_measures().psi_roll_deg;
         let near = sections.iter().filter(|(at, _)| (at - now_s).abs() <= self.within_s);
         let off = near.map(|(_, logged)| (logged - psi_deg).abs()).min_by(f64::total_cmp);
         if let Some(off_deg) = off {
@@ -239,74 +241,94 @@ impl Made {
     }
 
     /// The strides of the next episode.
-    fn episode(&mut self, episode: usize, repeated: &std::sync::Mutex<Repeated>) -> Result<(), Failure> {
-        let mut rng = stream(0, Role::Collect, 0);
-        let started = self.plant.reset(&mut rng);
-        let Repeated { actions, sections, after_end, .. } = held(repeated).clone();
-        let mut state = match started {
-            Ok(state) => state,
-            Err(error) => {
-                self.over(episode, Some(error.to_string()), actions.len() + after_end);
-                return Ok(());
-            }
+    fn episode(&mut self, plant: &mut Plant, episode: usize, repeated: &Mutex<Repeated>) -> Result<(), Failure> {
+        let applied = Applied::new(&self.limits).map_err(LabError::from)?;
+        let mut again = Again {
+            made: self,
+            repeated,
+            applied,
+            script: None,
+            episode,
+            used: 0,
+            why: None,
+            known: (true, true),
+            stance: None,
         };
-        let mut why = None;
-        let mut applied = Applied::new(&self.limits).map_err(LabError::from)?;
-        let mut used = 0;
-        for k in 0.. {
-            let now_s = self.plant.robot().state().time_s;
-            if actions.last().is_none_or(|a| a.time_s < now_s - self.within_s) {
-                break;
-            }
-            let wanted = asked(&actions, now_s, self.within_s).map(|a| a.action.as_slice());
-            used += usize::from(wanted.is_some());
-            let (stance, last_action) = (self.plant.stance(), self.plant.last_action().clone());
-            let was_known = applied.is_known();
-            let guess = last_action.to_vec();
-            let stride = applied.apply(wanted).and_then(|()| self.plant.stride(wanted.unwrap_or(&guess), &mut rng));
-            let stride = match stride {
-                Ok(stride) => stride,
-                Err(error) => {
-                    why = Some(error.to_string());
-                    break;
-                }
-            };
-            if stride.end == StrideEnd::Aborted {
-                why = self.plant.abort_reason().map(ToString::to_string);
-            }
-            if !applied.is_known() {
-                self.left_out.without_action += usize::from(wanted.is_none());
-                self.left_out.after_unknown_action += usize::from(wanted.is_some());
-            } else if !was_known {
-                self.left_out.after_unknown_action += 1;
-            } else {
-                self.transitions.push(Transition {
-                    iteration: 1,
-                    phase: StridePhase::Collect,
-                    role: StrideRole::Training,
-                    episode,
-                    k,
-                    time_s: self.plant.robot().state().time_s,
-                    stance,
-                    state,
-                    last_action,
-                    action: stride.action,
-                    next_state: stride.next_state.clone(),
-                    reward: stride.reward,
-                    end: stride.end,
-                    fall: self.plant.last_fall(),
-                    measures: *self.plant.last_measures(),
-                    true_psi_roll_deg: None,
-                    true_forward_m: None,
-                });
-            }
-            if stride.end != StrideEnd::Crossing {
-                break;
-            }
-            self.compare(&sections);
-            state = stride.next_state;
-        }
+        let result = roll_out(plant, usize::MAX, &mut again, &mut stream(0, Role::Collect, 0));
+        let Again { script, used, why, .. } = again;
+        let Repeated { actions, after_end, .. } = script.unwrap_or_else(|| held(repeated).clone());
+        let why = result.err().map(|error: ProcessError| error.to_string()).or(why);
         self.over(episode, why, actions.len() - used + after_end);
         Ok(())
+    }
+}
+
+/// An episode of a log, walked again.
+struct Again<'a> {
+    made: &'a mut FromEpisodes,
+    repeated: &'a Mutex<Repeated>,
+    applied: Applied,
+    /// What the log says of this episode.
+    script: Option<Repeated>,
+    episode: usize,
+    /// Actions that a stride began with.
+    used: usize,
+    why: Option<String>,
+    /// Whether the log says what is asked for, and whether the action before was known.
+    known: (bool, bool),
+    stance: Option<Side>,
+}
+
+impl Again<'_> {
+    /// Whether the log has an action for the section at hand, or for a later one.
+    fn goes_on(&self, plant: &Plant) -> Next {
+        let now_s = plant.robot().state().time_s;
+        let last = self.script.as_ref().and_then(|s| s.actions.last());
+        if last.is_none_or(|a| a.time_s < now_s - self.made.within_s) { Next::Stop } else { Next::Go }
+    }
+}
+
+impl Actor<Plant, ProcessError> for Again<'_> {
+    fn begin(&mut self, plant: &mut Plant, _: &Situation) -> Result<Next, ProcessError> {
+        self.script = Some(held(self.repeated).clone());
+        Ok(self.goes_on(plant))
+    }
+
+    fn act(&mut self, plant: &mut Plant, at: &Situation, _: &mut ChaCha8Rng) -> Result<Action, ProcessError> {
+        let now_s = plant.robot().state().time_s;
+        let script = self.script.as_ref();
+        let wanted = script.and_then(|s| asked(&s.actions, now_s, self.made.within_s)).map(|a| a.action.as_slice());
+        self.used += usize::from(wanted.is_some());
+        self.known = (wanted.is_some(), self.applied.is_known());
+        self.stance = plant.stance();
+        self.applied.apply(wanted)?;
+        Ok(Action::from_slice(wanted.unwrap_or(&at.last_action)))
+    }
+
+    fn saw(&mut self, plant: &mut Plant, made: Made<'_>) -> Result<Next, ProcessError> {
+        let end = made.stride.end;
+        if end == StrideEnd::Aborted {
+            self.why = plant.abort_reason().map(ToString::to_string);
+        }
+        let (asked, was_known) = self.known;
+        let left_out = &mut self.made.left_out;
+        if !self.applied.is_known() {
+            left_out.without_action += usize::from(!asked);
+            left_out.after_unknown_action += usize::from(asked);
+        } else if !was_known {
+            left_out.after_unknown_action += 1;
+        } else {
+            let batch =
+                Batch { iteration: 1, phase: StridePhase::Collect, role: StrideRole::Training, strides: usize::MAX };
+            let stride = plant.transition(batch, self.episode, self.stance, made);
+            self.made.transitions.push(Transition { true_psi_roll_deg: None, true_forward_m: None, ..stride });
+        }
+        if end != StrideEnd::Crossing {
+            return Ok(Next::Stop);
+        }
+        if let Some(script) = &self.script {
+            self.made.compare(plant, &script.sections);
+        }
+        Ok(self.goes_on(plant))
     }
 }

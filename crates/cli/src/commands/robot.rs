@@ -3,10 +3,10 @@
 use nix::sys::signal::Signal;
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
-use stridemap_lab::{RobotChoice, builtin};
+use stridemap_lab::{LabError, RobotChoice, builtin};
 use stridemap_link::{GuardBounds, LinkError, Serve, send_stop, serve};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine};
-use stridemap_process::{StrideEnd, StrideProcess};
+use stridemap_process::{Action, Next, Situation, StrideEnd, walk};
 use stridemap_robot::{Robot, Ros2Config};
 
 use super::beside::Purpose;
@@ -128,25 +128,32 @@ pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> 
     };
     let mut plant = plant(&task, &common, &Purpose::Collect, None)?;
     let mut rng = stream(1, Role::Run, 0);
-    plant.reset(&mut rng).map_err(stridemap_lab::LabError::from)?;
-    let started = std::time::Instant::now();
-    let (child_id, before) = (child.id().to_string(), cpu_s("self"));
-    let child_before = cpu_s(&child_id);
-    let neutral: Vec<f64> = task.action_limits()?.iter().map(|l| l.neutral).collect();
+    let child_id = child.id().to_string();
+    let neutral: Action = task.action_limits()?.iter().map(|l| l.neutral).collect();
     let (mut strides, mut broken) = (0, None);
-    while started.elapsed().as_secs_f64() < seconds {
-        let stride = plant.stride(&neutral, &mut rng).map_err(stridemap_lab::LabError::from)?;
-        if stride.end != StrideEnd::Crossing {
+    // The start-up is over when the first action is asked for.
+    let begun = std::cell::OnceCell::new();
+    let begin = || (std::time::Instant::now(), cpu_s("self"), cpu_s(&child_id));
+    let elapsed_s = || begun.get_or_init(begin).0.elapsed().as_secs_f64();
+    let act = |_: &Situation| {
+        elapsed_s();
+        neutral.clone()
+    };
+    walk(&mut plant, usize::MAX, &mut rng, act, |_, made| {
+        let elapsed_s = elapsed_s();
+        if made.stride.end != StrideEnd::Crossing {
             broken = Some(Failure::working(format!(
-                "stride {} ended as {:?}: the bench lasted {:.1} of {seconds} s",
+                "stride {} ended as {:?}: the bench lasted {elapsed_s:.1} of {seconds} s",
                 strides + 1,
-                stride.end,
-                started.elapsed().as_secs_f64()
+                made.stride.end,
             )));
-            break;
+            return Next::Stop;
         }
         strides += 1;
-    }
+        if elapsed_s < seconds { Next::Go } else { Next::Stop }
+    })
+    .map_err(LabError::from)?;
+    let (started, before, child_before) = *begun.get_or_init(begin);
     let elapsed = started.elapsed().as_secs_f64();
     let share = |before: Option<f64>, after: Option<f64>| Some((after? - before?) / elapsed);
     let robot_cpu = share(child_before, cpu_s(&child_id));

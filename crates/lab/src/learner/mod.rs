@@ -9,13 +9,11 @@ mod integral;
 mod linear;
 mod search;
 
-use std::sync::Arc;
-
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gp::Mean;
 use stridemap_learn::{ConstantPolicy, Learner, SavedPolicy, TrialSummary};
-use stridemap_map::{LearnedMap, StateReward};
+use stridemap_map::LearnedMap;
 use stridemap_process::{ActionLimits, ProcessSpec, StrideEnd, StrideProcess};
 
 pub use integral::{IntegralAction, IntegralConfig};
@@ -24,9 +22,8 @@ pub use search::SearchSettings;
 use crate::algorithm::Progress;
 use crate::caution::CautionConfig;
 use crate::error::{Invalid, LabError};
-use crate::pessimism::{CautiousMap, CautiousWorld};
+use crate::pessimism::CautiousMap;
 use crate::registry::{Part, Registry, named};
-use crate::reward::reward_of_state;
 use crate::state::StateComponent;
 use crate::strides::ActionSource;
 use crate::suffices::FEWEST;
@@ -277,19 +274,13 @@ impl<'a> Known<'a> {
         Ok(SavedPolicy::Constant(policy))
     }
 
-    /// What a cautious map must know of the task, with the bounds of `spec`.
-    fn cautious_world(&self, caution: &CautionConfig, spec: ProcessSpec) -> CautiousWorld {
-        let (task, in_place) = (self.task, self.progress.in_place());
-        let position = |c| task.state.iter().position(|s| *s == c);
-        let bound = in_place.psi_roll_deg - caution.pessimism.psi_roll_below_in_place_deg;
-        CautiousWorld {
-            spec,
-            limits: self.limits.clone(),
-            failure: task.failure.in_map(&task.state, &in_place),
-            reward: reward_of_state(&task.reward, &task.state).map(|reward| Arc::new(reward) as StateReward),
-            psi_roll: position(StateComponent::PSI_ROLL_DEG).map(|c| (c, bound)),
-            pitch_rate: position(StateComponent::PSI_PITCH_RATE_DEG_S),
-        }
+    /// The map as a cautious learner should see it, with the bounds of `spec`.
+    fn cautious(&self, map: &LearnedMap, caution: &CautionConfig, spec: ProcessSpec) -> CautiousMap {
+        let position = |c| self.task.state.iter().position(|s| *s == c);
+        let bound = self.progress.in_place().psi_roll_deg - caution.pessimism.psi_roll_below_in_place_deg;
+        let psi_roll = position(StateComponent::PSI_ROLL_DEG).map(|c| (c, bound));
+        let pitch_rate = position(StateComponent::PSI_PITCH_RATE_DEG_S);
+        CautiousMap::new(map.clone(), caution.pessimism, spec, psi_roll, pitch_rate)
     }
 
     /// Improves a policy in the map: as it was fitted, or, with caution, charged for what the map does not know. The components'
@@ -314,8 +305,7 @@ impl<'a> Known<'a> {
                 for (d, component) in spec.action.iter_mut().enumerate().filter(|_| within_region) {
                     (component.lower, component.upper) = (region.lower[d], region.upper[d]);
                 }
-                let world = self.cautious_world(caution, spec);
-                cautious = CautiousMap::new(map, caution.pessimism, world)?;
+                cautious = self.cautious(map, caution, spec);
                 &mut cautious
             }
             _ => {

@@ -7,9 +7,9 @@ pub use config::ActorCriticConfig;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use smallvec::SmallVec;
-use stridemap_process::{Action, ProcessSpec, State, StrideEnd, StrideProcess};
+use stridemap_process::{Action, Actor, Made, Next, ProcessSpec, Situation, StrideEnd, StrideProcess, roll_out};
 
-use crate::error::LearnError;
+use crate::error::{LearnError, Place};
 use crate::gaussian_policy::{GaussianPolicy, Outputs, Score};
 use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 use crate::network::Activations;
@@ -181,63 +181,19 @@ impl ActorCriticRun {
     ) -> Result<TrialSummary, LearnError> {
         let trial = self.trials.len();
         let factor = self.config.step_factor(trial);
-        let (alpha, beta) = (factor * self.config.critic_step, factor * self.config.actor_step);
         let m = self.policy.spec().action.len();
         let strides = self.config.strides_per_trial;
-        let restart_every = self.config.restart_every.unwrap_or(strides);
-
-        let mut outputs = Outputs::from_elem(0.0, 2 * m + 1);
-        let mut scores = Outputs::from_elem(0.0, 2 * m);
-        let mut tally = Tally::default();
-        // Strides of the running episode; `None` when the process must be reset first.
-        let mut episode: Option<usize> = None;
-        for stride in 0..strides {
-            let at = Place { trial: trial + 1, stride: stride + 1 };
-            let done = match episode {
-                Some(done) => done,
-                None => {
-                    let state = process.reset(rng)?;
-                    self.check_state(&state, at)?;
-                    self.traces.fill(0.0);
-                    self.policy.network().activate(&state, &mut self.here);
-                    self.allocate_at(&state);
-                    0
-                }
-            };
-
-            self.policy.network().outputs_into(&self.here, &mut outputs);
-            let action = self.draw(&outputs, &mut scores, rng, at)?;
-            let result = process.stride(&action, rng)?;
-            self.strides += 1;
-            if result.end == StrideEnd::Aborted {
-                tally.aborted += 1;
-                episode = None;
-                continue;
-            }
-            at.check_finite("reward", result.reward)?;
-            let next_value = if result.end.is_terminal() {
-                0.0
-            } else {
-                self.check_state(&result.next_state, at)?;
-                self.policy.network().activate(&result.next_state, &mut self.there);
-                self.policy.network().output(&self.there, 2 * m)
-            };
-            let td_error = result.reward + self.config.discount * next_value - outputs[2 * m];
-            if !td_error.is_finite() {
-                return Err(at.diverged());
-            }
-            self.update(td_error, alpha, beta, &scores);
-            tally.count(result.end, result.reward, td_error);
-
-            let truncated = done + 1 >= restart_every || stride + 1 >= strides;
-            episode = if result.end.is_terminal() || truncated {
-                None
-            } else {
-                std::mem::swap(&mut self.here, &mut self.there);
-                self.allocate_at(&result.next_state);
-                Some(done + 1)
-            };
-        }
+        let mut learning = Trial {
+            alpha: factor * self.config.critic_step,
+            beta: factor * self.config.actor_step,
+            at: Place { trial: trial + 1, stride: 1 },
+            outputs: Outputs::from_elem(0.0, 2 * m + 1),
+            scores: Outputs::from_elem(0.0, 2 * m),
+            tally: Tally::default(),
+            run: self,
+        };
+        roll_out(process, strides, &mut learning, rng)?;
+        let tally = learning.tally;
         if tally.strides == 0 {
             return Err(LearnError::AllAborted { trial: trial + 1 });
         }
@@ -348,13 +304,65 @@ impl ActorCriticRun {
             }
         }
     }
+}
 
-    fn check_state(&self, state: &State, at: Place) -> Result<(), LearnError> {
-        let expected = self.policy.spec().state.len();
-        if state.len() != expected {
-            return Err(LearnError::StateLength { expected, found: state.len() });
+/// A trial while it runs.
+struct Trial<'a> {
+    run: &'a mut ActorCriticRun,
+    alpha: f64,
+    beta: f64,
+    at: Place,
+    outputs: Outputs,
+    scores: Outputs,
+    tally: Tally,
+}
+
+impl<P: StrideProcess + ?Sized> Actor<P, LearnError> for Trial<'_> {
+    fn begin(&mut self, _: &mut P, at: &Situation) -> Result<Next, LearnError> {
+        let run = &mut *self.run;
+        self.at.check_state(&at.state, run.policy.spec())?;
+        run.traces.fill(0.0);
+        run.policy.network().activate(&at.state, &mut run.here);
+        run.allocate_at(&at.state);
+        Ok(Next::Go)
+    }
+
+    fn act(&mut self, _: &mut P, _: &Situation, rng: &mut ChaCha8Rng) -> Result<Action, LearnError> {
+        self.run.policy.network().outputs_into(&self.run.here, &mut self.outputs);
+        self.run.draw(&self.outputs, &mut self.scores, rng, self.at)
+    }
+
+    fn saw(&mut self, _: &mut P, made: Made<'_>) -> Result<Next, LearnError> {
+        let (run, at, stride) = (&mut *self.run, self.at, made.stride);
+        self.at.stride += 1;
+        run.strides += 1;
+        if stride.end == StrideEnd::Aborted {
+            self.tally.aborted += 1;
+            return Ok(Next::Restart);
         }
-        state.iter().try_for_each(|x| at.check_finite("state", *x))
+        at.check_finite("reward", stride.reward)?;
+        let value = run.policy.value_column();
+        let next_value = if stride.end.is_terminal() {
+            0.0
+        } else {
+            at.check_state(&stride.next.state, run.policy.spec())?;
+            run.policy.network().activate(&stride.next.state, &mut run.there);
+            run.policy.network().output(&run.there, value)
+        };
+        let td_error = stride.reward + run.config.discount * next_value - self.outputs[value];
+        if !td_error.is_finite() {
+            return Err(at.diverged());
+        }
+        run.update(td_error, self.alpha, self.beta, &self.scores);
+        self.tally.count(stride.end, stride.reward, td_error);
+        let strides = run.config.strides_per_trial;
+        let truncated = made.k + 1 >= run.config.restart_every.unwrap_or(strides) || at.stride >= strides;
+        if stride.end.is_terminal() || truncated {
+            return Ok(Next::Restart);
+        }
+        std::mem::swap(&mut run.here, &mut run.there);
+        run.allocate_at(&stride.next.state);
+        Ok(Next::Go)
     }
 }
 
@@ -385,26 +393,6 @@ fn warm_start(
         }
     }
     Ok(policy)
-}
-
-/// Where in a run something went wrong, counted from 1.
-#[derive(Clone, Copy)]
-struct Place {
-    trial: usize,
-    stride: usize,
-}
-
-impl Place {
-    const fn diverged(self) -> LearnError {
-        LearnError::Diverged { trial: self.trial, stride: self.stride }
-    }
-
-    fn check_finite(self, quantity: &'static str, value: f64) -> Result<(), LearnError> {
-        if value.is_finite() {
-            return Ok(());
-        }
-        Err(LearnError::NotFinite { quantity, value, trial: self.trial, stride: self.stride })
-    }
 }
 
 /// A trial's numbers while it runs.

@@ -28,17 +28,17 @@ impl StrideProcess for Script {
         &self.spec
     }
 
-    fn reset(&mut self, _rng: &mut ChaCha8Rng) -> Result<State, ProcessError> {
+    fn reset(&mut self, _rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         self.resets += 1;
-        Ok(State::from_slice(&[0.0]))
+        Ok([0.0].into())
     }
 
     fn stride(&mut self, action: &[f64], _rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
         let (x, reward, end) = self.strides[self.played];
         self.played += 1;
         self.actions.push(action[0]);
-        let next_state = State::from_slice(&[x]);
-        Ok(Stride { action: Action::from_slice(action), next_state, reward, end })
+        let next = Situation { last_action: Action::from_slice(action), ..[x].into() };
+        Ok(Stride { next, reward, end })
     }
 }
 
@@ -88,7 +88,7 @@ fn terminated_and_truncated_strides_have_different_targets() {
         // The last stride of a trial is truncated if it crossed.
         let (policy, summary) = run(&config(1), &mut script(&[(0.0, -1.0, end)])).unwrap();
         close(summary.mean_td_error, td_error);
-        close(policy.value(&[0.0]), value);
+        close(policy.value(&[0.0].into()), value);
         assert_eq!(summary.falls, usize::from(end == StrideEnd::Fell));
         assert_eq!(summary.stalls, usize::from(end == StrideEnd::NoCrossing));
     }
@@ -110,7 +110,7 @@ fn nothing_is_learned_from_an_aborted_stride() {
     let aborted = (f64::NAN, f64::NAN, StrideEnd::Aborted);
     let mut process = script(&[aborted, (0.0, -1.0, StrideEnd::Fell)]);
     let (policy, summary) = run(&config(2), &mut process).unwrap();
-    close(policy.value(&[0.0]), 0.5);
+    close(policy.value(&[0.0].into()), 0.5);
     assert_eq!((summary.strides, summary.aborted, process.resets), (1, 1, 2));
     let error = run(&config(2), &mut script(&[aborted, aborted])).unwrap_err();
     assert!(matches!(error, LearnError::AllAborted { trial: 1 }));
@@ -183,12 +183,12 @@ fn the_average_is_right_although_bases_are_added() {
     assert_eq!((frozen[3].network().len(), frozen[7].network().len()), (1, 2));
     let averaged = run.finish().policy;
     // Far from the new base, at −50, only the first one counts.
-    let expected: f64 = frozen[4..].iter().map(|p| p.mean(&[-50.0])[0]).sum::<f64>() / 4.0;
-    close(averaged.mean(&[-50.0])[0], expected);
+    let expected: f64 = frozen[4..].iter().map(|p| p.mean(&[-50.0].into())[0]).sum::<f64>() / 4.0;
+    close(averaged.mean(&[-50.0].into())[0], expected);
     // At 50 the new base counts. Trials 5 (before it was there) and later are all in the mean: as
     // functions, too, since a policy without the base goes on to 50 with the first one's output.
-    let expected: f64 = frozen[4..].iter().map(|p| p.mean(&[50.0])[0]).sum::<f64>() / 4.0;
-    close(averaged.mean(&[50.0])[0], expected);
+    let expected: f64 = frozen[4..].iter().map(|p| p.mean(&[50.0].into())[0]).sum::<f64>() / 4.0;
+    close(averaged.mean(&[50.0].into())[0], expected);
 }
 
 #[test]

@@ -8,9 +8,9 @@ pub use config::SearchConfig;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_process::{State, Stride, StrideEnd, StrideProcess};
+use stridemap_process::{Action, Actor, Made, Next, Situation, Stride, StrideEnd, StrideProcess, roll_out};
 
-use crate::error::LearnError;
+use crate::error::{LearnError, Place};
 use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 use crate::policy::KeptPolicy;
 use crate::saved::{ConstantPolicy, SavedPolicy, check_same_components};
@@ -113,20 +113,14 @@ impl SearchLearner {
     ) -> Result<Score, LearnError> {
         let mut score = Score::default();
         for _ in 0..self.config.episodes {
-            let mut running = false;
-            for k in 0..self.config.strides_per_episode {
-                if !running {
-                    check_state(&process.reset(rng)?, process, trial, k)?;
-                }
-                let stride = process.stride(constants, rng)?;
-                running = stride.end == StrideEnd::Crossing;
-                if stride.end == StrideEnd::Aborted {
-                    score.aborted += 1;
-                    continue;
-                }
-                check_stride(&stride, process, trial, k)?;
-                score.count(&stride, k >= self.config.unscored_strides);
-            }
+            let mut judged = Judged {
+                constants: constants.iter().copied().collect(),
+                unscored: self.config.unscored_strides,
+                at: Place { trial, stride: 1 },
+                score,
+            };
+            roll_out(process, self.config.strides_per_episode, &mut judged, rng)?;
+            score = judged.score;
         }
         if score.scored == 0 {
             return Err(LearnError::AllAborted { trial });
@@ -135,24 +129,36 @@ impl SearchLearner {
     }
 }
 
-fn check_state(state: &State, process: &dyn StrideProcess, trial: usize, k: usize) -> Result<(), LearnError> {
-    let expected = process.spec().state.len();
-    if state.len() != expected {
-        return Err(LearnError::StateLength { expected, found: state.len() });
-    }
-    match state.iter().find(|x| !x.is_finite()) {
-        None => Ok(()),
-        Some(&value) => Err(LearnError::NotFinite { quantity: "state", value, trial, stride: k + 1 }),
-    }
+/// A candidate in one of its episodes.
+struct Judged {
+    constants: Action,
+    unscored: usize,
+    at: Place,
+    score: Score,
 }
 
-fn check_stride(stride: &Stride, process: &dyn StrideProcess, trial: usize, k: usize) -> Result<(), LearnError> {
-    check_state(&stride.next_state, process, trial, k)?;
-    if stride.reward.is_finite() {
-        return Ok(());
+impl<P: StrideProcess + ?Sized> Actor<P, LearnError> for Judged {
+    fn begin(&mut self, process: &mut P, at: &Situation) -> Result<Next, LearnError> {
+        self.at.check_state(&at.state, process.spec())?;
+        Ok(Next::Go)
     }
-    let value = stride.reward;
-    Err(LearnError::NotFinite { quantity: "reward", value, trial, stride: k + 1 })
+
+    fn act(&mut self, _: &mut P, _: &Situation, _: &mut ChaCha8Rng) -> Result<Action, LearnError> {
+        Ok(self.constants.clone())
+    }
+
+    fn saw(&mut self, process: &mut P, made: Made<'_>) -> Result<Next, LearnError> {
+        let (at, stride) = (self.at, made.stride);
+        self.at.stride += 1;
+        if stride.end == StrideEnd::Aborted {
+            self.score.aborted += 1;
+            return Ok(Next::Go);
+        }
+        at.check_state(&stride.next.state, process.spec())?;
+        at.check_finite("reward", stride.reward)?;
+        self.score.count(stride, at.stride > self.unscored);
+        Ok(Next::Go)
+    }
 }
 
 /// How a candidate, or a generation, fared.
@@ -255,10 +261,10 @@ mod tests {
             let generations = config.generations;
             let outcome = SearchLearner { config }.improve(&mut map(), None, &mut rng, &mut |report| {
                 observed += 1;
-                assert!(report.policy.mean(&[0.0, 0.0])[0] <= upper[0]);
+                assert!(report.policy.mean(&[0.0, 0.0].into())[0] <= upper[0]);
             });
             assert_eq!(observed, generations);
-            outcome.unwrap().policy.mean(&[0.0, 0.0])
+            outcome.unwrap().policy.mean(&[0.0, 0.0].into())
         };
         for seed in 1..=5 {
             let constants = found(config(), seed);
