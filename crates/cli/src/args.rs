@@ -200,15 +200,6 @@ pub struct Network {
     pub interface: String,
 }
 
-/// Which faults.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FaultKind {
-    /// Processes that are killed or stopped.
-    Processes,
-    /// Network, messages, robot.
-    Link,
-}
-
 /// A robot that can be simulated behind ROS 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ServedRobot {
@@ -464,18 +455,6 @@ pub enum Command {
         /// Where.
         #[command(flatten)]
         network: Network,
-    },
-    /// Tries every fault on a running link (loopback) and prints what the robot and the controller did.
-    Faults {
-        /// Only the faults of processes (killed, stopped), or only those of network, messages and robot.
-        #[arg(long)]
-        only: Option<FaultKind>,
-        /// Prints one JSON document on stdout instead of text.
-        #[arg(long)]
-        json: bool,
-        /// First of the domains that it uses; it needs 35.
-        #[arg(long, default_value_t = 120, value_parser = domains())]
-        domain: u16,
     },
     /// Times the link: a simulated robot in a process of its own, stepping for some seconds.
     BenchLink {

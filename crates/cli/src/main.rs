@@ -112,7 +112,6 @@ fn run(command: Command) -> Result<(), Failure> {
             commands::robot::robot(ideal, rate, seed, realtime_factor, seconds, &network)
         }
         Command::Stop { rearm, reason, network } => commands::robot::stop(rearm, &reason, &network),
-        Command::Faults { json, only, domain } => commands::faults::faults(json, only, domain),
         Command::BenchLink { seconds, json, domain } => commands::robot::bench_link(seconds, json, domain),
         Command::Bench { json } => commands::bench::bench(json),
     }

@@ -46,17 +46,32 @@ fn signal(id: u32, signal: Signal) {
     kill(Pid::from_raw(id.try_into().unwrap()), signal).unwrap();
 }
 
+#[cfg(feature = "ros2")]
+const OF_A_LINK: [(&str, &str); 5] = [
+    ("robot op3 --realtime-factor 1e-300", "realtime_factor"),
+    ("robot op3 --interface 203.0.113.7", "127.0.0.1 (lo)"),
+    ("stop --interface ::1", "IPv4"),
+    ("learn small-stepping --robot ros2 --yes --interface 203.0.113.7 --out run", "no interface with that address"),
+    ("learn small-stepping --robot ros2 --yes --set=link.connect_s=1e300 --out run", "link.connect_s"),
+];
+/// Whatever needs ROS 2 says which command builds it.
+#[cfg(not(feature = "ros2"))]
+const OF_A_LINK: [(&str, &str); 5] = [
+    ("robot op3 --seed 2", "cargo run --release --features ros2 -- robot op3 --seed 2"),
+    ("stop --rearm", "built without ROS 2"),
+    ("bench-link", "built without ROS 2"),
+    ("learn small-stepping --robot ros2 --out run", "--features ros2 -- learn small-stepping --robot ros2 --out run"),
+    ("compare small-stepping --robot ros2 --out run", "built without ROS 2"),
+];
+
 #[test]
 fn numbers_and_networks_that_make_no_sense_are_refused_before_anything_is_done() {
     let dir = tempfile::tempdir().unwrap();
     for (words, told) in [
-        ("robot op3 --realtime-factor 1e-300", "realtime_factor"),
         ("robot op3 --realtime-factor nan", "must be 0 to 1000"),
         ("robot op3 --seconds nan", "must be 0 to"),
         ("robot op3 --rate 1e9", "must be 10 to 1000"),
         ("robot op3 --domain 233", "233"),
-        ("robot op3 --interface 203.0.113.7", "127.0.0.1 (lo)"),
-        ("stop --interface ::1", "IPv4"),
         ("bench-link --seconds inf", "must be 1 to"),
         ("run --nominal stepping --seconds -1", "must be 0.001 to"),
         ("push run --force nan", "must be 0.000001 to"),
@@ -67,9 +82,10 @@ fn numbers_and_networks_that_make_no_sense_are_refused_before_anything_is_done()
         ("report run --out no/p.html", "no/p.html: cannot be written: No such file"),
         ("view run --out .", ".: cannot be written: is a directory"),
         ("learn stepping --set name=\u{202e}x --out run", "letters, digits"),
-        ("learn small-stepping --robot ros2 --yes --interface 203.0.113.7 --out run", "no interface with that address"),
-        ("learn small-stepping --robot ros2 --yes --set=link.connect_s=1e300 --out run", "link.connect_s"),
-    ] {
+    ]
+    .into_iter()
+    .chain(OF_A_LINK)
+    {
         let words = words.replace(" -1", "=-1");
         let output = Command::new(STRIDEMAP).current_dir(dir.path()).args(words.split(' ')).output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -103,6 +119,7 @@ fn ctrl_c_is_heard_in_the_middle_of_a_computation_and_the_run_stays() {
 }
 
 #[test]
+#[cfg(feature = "ros2")]
 fn a_hangup_that_was_ignored_at_the_start_stays_ignored() {
     let dir = tempfile::tempdir().unwrap();
     // `env` sets what is inherited, whatever this test was started with.
@@ -145,42 +162,4 @@ fn a_file_that_may_not_grow_is_an_error_with_its_name_and_the_run_goes_on_later(
     assert!(said.contains("run/") && said.contains("File too large"), "{said}");
     let (code, said) = limited("unlimited", "learn --resume run");
     assert_eq!(code, Some(0), "{said}");
-}
-
-/// Processes whose parent is this one, and what they were called with.
-fn children(parent: u32) -> Vec<(u32, String)> {
-    let of = |entry: std::fs::DirEntry| {
-        let id: u32 = entry.file_name().to_str()?.parse().ok()?;
-        let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
-        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-        let words = std::fs::read_to_string(entry.path().join("cmdline")).ok()?;
-        (fields.get(1)? == &parent.to_string()).then(|| (id, words.replace('\0', " ")))
-    };
-    let all = std::fs::read_dir("/proc").unwrap();
-    all.filter_map(|entry| of(entry.ok()?)).collect()
-}
-
-#[test]
-fn the_processes_of_the_fault_table_end_with_it_however_it_ends() {
-    let dir = tempfile::tempdir().unwrap();
-    for how in [Signal::SIGKILL, Signal::SIGTERM] {
-        let words = ["faults", "--only", "processes", "--domain", "60"];
-        let mut faults = start(dir.path(), STRIDEMAP, &words);
-        let own = wait("robot and controller", || {
-            let own = children(faults.0.id());
-            (own.len() == 2).then_some(own)
-        });
-        assert!(own.iter().any(|(_, words)| words.contains("robot op3")));
-        signal(faults.0.id(), how);
-        let status = wait("the end", || faults.0.try_wait().unwrap());
-        assert!(!status.success());
-        wait("the end of its processes", || {
-            // One that nobody has waited for yet is a zombie.
-            let gone = |id: &u32| {
-                let stat = std::fs::read_to_string(format!("/proc/{id}/stat"));
-                stat.map_or(true, |s| s.contains(") Z "))
-            };
-            own.iter().all(|(id, _)| gone(id)).then_some(())
-        });
-    }
 }

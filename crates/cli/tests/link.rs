@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use stridemap_link::StatusListener;
+use stridemap_robot::Ros2Config;
 
 /// Overrides that make a run short: two iterations of eight strides and two of the policy.
 const SHORT: [&str; 9] = [
@@ -239,19 +241,77 @@ fn ctrl_c_is_an_emergency_stop_that_stays() {
     assert_eq!(crossings(dir), STRIDES);
 }
 
+/// A listener on a robot, and when it held and gave way since a moment, by its own silence.
+fn listen(domain: u16) -> impl Fn(Instant) -> (f64, f64) {
+    let listener = StatusListener::open(&Ros2Config { domain, ..Ros2Config::default() }).unwrap();
+    move |since| {
+        assert!(listener.wait(since, Duration::from_secs(20), |s| s.act == "damp"), "the robot did not give way");
+        let heard = listener.since(since);
+        let at = |act: &str| heard.iter().filter(|s| s.act == act).find_map(|s| s.silence_s).unwrap();
+        (at("hold"), at("damp"))
+    }
+}
+
+/// The robot holds within 50 ms of silence and two periods, and gives way after half a second; a loaded machine adds
+/// to that.
+fn held_in_time((hold_s, damp_s): (f64, f64)) {
+    assert!(hold_s < 0.05 + 2.0 * 0.008 + 0.05 && hold_s < damp_s, "{hold_s} s, {damp_s} s");
+}
+
+/// No stride is longer than one can be (about 0.8 s): with a fault in it, it would be as much longer.
+fn only_good(dir: &Path) {
+    let good: Vec<Vec<String>> = rows(dir)
+        .iter()
+        .filter(|row| row.contains(",crossing,"))
+        .map(|row| row.split(',').map(String::from).collect())
+        .collect();
+    for pair in good.windows(2).filter(|w| w[0][3] == w[1][3]) {
+        let took_s = pair[1][5].parse::<f64>().unwrap() - pair[0][5].parse::<f64>().unwrap();
+        assert!(took_s < 1.2, "{pair:?}");
+    }
+}
+
 #[test]
-fn every_fault_of_a_process_is_met() {
+fn a_robot_that_is_killed_costs_the_stride_at_hand_and_the_run_goes_on_with_another() {
     let _turn = turn();
     let dir = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_stridemap"))
-        .current_dir(dir.path())
-        .args(["faults", "--only", "processes", "--domain", "1", "--json"])
-        .output()
-        .unwrap();
-    let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    let rows: serde_json::Value = serde_json::from_str(&table).unwrap();
-    assert_eq!(rows.as_array().unwrap().len(), 3);
-    assert!(output.status.success(), "{table}");
+    let dir = dir.path();
+    let mut killed = start(dir, &["robot", "op3", "--domain", "25"]);
+    let mut controller = learn(dir, 25, &["--yes", "--set=link.silence_s=0.5", "--set=link.connect_s=5"]);
+    wait("strides", || crossings(dir) >= 3);
+    let began = Instant::now();
+    killed.0.kill().unwrap();
+    killed.0.wait().unwrap();
+    wait("an aborted stride", || rows(dir).iter().any(|row| row.contains(",aborted,")));
+    assert!(began.elapsed() < Duration::from_secs(3));
+    assert!(!end(&mut controller), "there is no robot");
+    let before = rows(dir);
+    let _robot = robot(dir, 25);
+    assert!(end(&mut start(dir, &["learn", "--resume", "run", "--yes"])), "{}", read(dir.join("learn.log")));
+    assert_eq!(rows(dir)[..before.len()], before[..]);
+    assert_eq!(crossings(dir), STRIDES);
+    only_good(dir);
+}
+
+#[test]
+fn a_robot_whose_controller_is_stopped_or_killed_holds_and_gives_way() {
+    let _turn = turn();
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let reaction = listen(26);
+    let _robot = start(dir, &["robot", "op3", "--domain", "26"]);
+    let mut controller = learn(dir, 26, &["--yes"]);
+    wait("strides", || crossings(dir) >= 3);
+    let began = Instant::now();
+    signal(&controller, Signal::SIGSTOP);
+    std::thread::sleep(Duration::from_secs(1));
+    held_in_time(reaction(began));
+    signal(&controller, Signal::SIGCONT);
+    wait("the aborted stride and more", || rows(dir).iter().any(|r| r.contains(",aborted,")) && crossings(dir) >= 6);
+    let began = Instant::now();
+    controller.0.kill().unwrap();
+    held_in_time(reaction(began));
+    only_good(dir);
 }
 
 #[test]

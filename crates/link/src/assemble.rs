@@ -2,13 +2,36 @@
 
 use std::collections::VecDeque;
 
+use serde::Serialize;
 use stridemap_robot::{JointLimits, JointState as JointReading, RobotError, Ros2Config, SensorFrame};
 
 use crate::error::LinkError;
 use crate::messages::{Header, Imu, JointState, WrenchStamped};
-use crate::remote::LinkCounts;
 use crate::stream::{MOST_UNDER_WAY, Stream, Unusable, said, seconds};
 use crate::wiring::Wiring;
+
+/// What the controller's end of the link counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LinkCounts {
+    /// States received whole.
+    pub states: u64,
+    /// Periods of which no whole state came.
+    pub missed: u64,
+    /// States whose clock did not advance.
+    pub out_of_order: u64,
+    /// Messages that came twice.
+    pub doubled: u64,
+    /// Joint states without another sensor's message near enough in time.
+    pub unpaired: u64,
+    /// Messages that say nothing usable: NaN, another number of joints, no orientation.
+    pub unusable: u64,
+    /// Messages that could not be read.
+    pub unreadable: u64,
+    /// Commands held back to a joint's range, rate or torque.
+    pub limited: u64,
+    /// Commands sent.
+    pub commands: u64,
+}
 
 /// Stamps this share of a control period apart belong to one reading, unless `link.pair_within_s` says otherwise.
 const PAIR_WITHIN_PERIODS: f64 = 0.45;

@@ -19,6 +19,9 @@ pub enum LinkError {
     /// The network cannot be joined.
     #[error("cannot join the ROS 2 network: {0}")]
     Network(String),
+    /// What was asked for needs the feature `ros2`.
+    #[error("this program was built without ROS 2")]
+    NotBuilt,
     /// The machine at this end fails.
     #[error(transparent)]
     Machine(#[from] stridemap_robot::RobotError),

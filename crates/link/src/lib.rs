@@ -11,41 +11,36 @@
 //! section and the learner are the same code as on a simulated robot. [`serve`] is the other end: it publishes
 //! the readings of any machine and obeys commands through a [`CommandGuard`]. Nothing but the
 //! configured network interface is heard or spoken to: loopback, unless another is named.
+//!
+//! Logs are read and written in every build; what speaks DDS needs the feature `ros2`, without which asking for it is
+//! [`LinkError::NotBuilt`].
+// The reader of logs uses a part of what the reader of the wire does.
+#![cfg_attr(not(feature = "ros2"), allow(dead_code))]
 
 mod assemble;
 mod error;
-mod faults;
 mod guard;
-mod interface;
 mod journal;
-mod listener;
 mod log;
 mod mcap_file;
 mod messages;
-mod network;
-mod node;
-mod readings;
-mod remote;
+mod operator;
 mod replay;
-mod server;
-mod stop;
+#[cfg_attr(not(feature = "ros2"), path = "without_ros2.rs")]
+mod ros2;
+mod served;
 mod stream;
 mod trajectory;
-mod watch;
 mod wiring;
 
+pub use assemble::LinkCounts;
 pub use error::LinkError;
-pub use faults::{FAULT_DOMAINS, FaultRow, fault_table};
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
-pub use interface::check_network;
 pub use journal::{Journal, LoggedMachine, SharedJournal};
-pub use listener::StatusListener;
 pub use log::{LogReport, LoggedAction, LoggedEpisode, read_log};
 pub use messages::{Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped};
-pub use network::{BadNetwork, NetworkConditions};
-pub use node::Topics;
-pub use remote::{AlwaysConfirms, LinkCounts, Operator, RemoteMachine};
+pub use operator::{AlwaysConfirms, FIRST_START, NEW_START, Operator};
 pub use replay::{Repeated, ReplayMachine};
-pub use server::{Serve, ServerReport, Status, serve};
-pub use stop::send_stop;
+pub use ros2::*;
+pub use served::{Serve, ServerReport, Status};
 pub use trajectory::{Trajectory, TrajectoryFault};

@@ -10,7 +10,7 @@ use std::time::Duration;
 use rand_chacha::ChaCha8Rng;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{Plant, StrideObserver, Task, TickObserver};
-use stridemap_link::{Operator, RemoteMachine, SharedJournal};
+use stridemap_link::{NEW_START, Operator, SharedJournal};
 use stridemap_mujoco::MujocoConfig;
 use stridemap_process::{Action, ActionLimits, Actor, Made, Next, ProcessError, Situation, StrideEnd, roll_out};
 use stridemap_record::{FELL_IN_START, Fall, FallCriterion, append_event};
@@ -88,7 +88,7 @@ impl Person {
 impl Operator for Person {
     fn set_up(&mut self, why: &str) -> bool {
         let fall = self.last_fall.lock().ok().and_then(|mut fall| fall.take());
-        let fell = fall.filter(|_| why == RemoteMachine::NEW_START).map(|fall| {
+        let fell = fall.filter(|_| why == NEW_START).map(|fall| {
             let did = match fall.criterion {
                 FallCriterion::NoSection => "stalled",
                 _ => "fell",
@@ -97,7 +97,7 @@ impl Operator for Person {
         });
         let why = fell.as_deref().unwrap_or(why);
         // Between batches nothing has happened that a person must look at.
-        if why == RemoteMachine::NEW_START {
+        if why == NEW_START {
             return true;
         }
         let answer = self.yes || self.ask(why);

@@ -4,7 +4,6 @@ pub mod apply;
 pub mod bench;
 pub mod beside;
 pub mod compare;
-pub mod faults;
 pub mod from_log;
 pub mod learn;
 pub mod learners;

@@ -1,10 +1,7 @@
 //! Processes of this program, started by it: they end with it, however it ends.
 
-use std::fs::File;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio, exit};
-use std::time::{Duration, Instant};
+use std::process::{Child, ChildStdout, Command, Stdio, exit};
 
 use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{Signal, kill};
@@ -28,8 +25,6 @@ pub fn end_with_parent() {
 /// A process of this program that ends with its owner. It must be started by a thread that outlives it.
 pub struct Process {
     child: Child,
-    /// Where its stderr goes, if not where this process's goes.
-    told: Option<PathBuf>,
 }
 
 fn working(what: impl std::fmt::Display) -> Failure {
@@ -37,15 +32,9 @@ fn working(what: impl std::fmt::Display) -> Failure {
 }
 
 impl Process {
-    /// Starts it, its stderr in a file or where this process's goes.
-    pub fn start(arguments: &[String], told: Option<&Path>) -> Result<Self, Failure> {
+    /// Starts it, its stderr where this process's goes.
+    pub fn start(arguments: &[&str]) -> Result<Self, Failure> {
         let me = std::env::current_exe().map_err(working)?;
-        let stderr = match told {
-            None => Stdio::inherit(),
-            Some(path) => {
-                File::create(path).map_err(|e| working(format!("{}: cannot be written: {e}", path.display())))?.into()
-            }
-        };
         let child = Command::new(me)
             .args(arguments)
             .env(PARENT, std::process::id().to_string())
@@ -53,10 +42,9 @@ impl Process {
             .process_group(0)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(stderr)
             .spawn()
             .map_err(|e| working(format!("cannot start a process: {e}")))?;
-        Ok(Self { child, told: told.map(Path::to_path_buf) })
+        Ok(Self { child })
     }
 
     /// Its process id.
@@ -73,39 +61,6 @@ impl Process {
     pub fn signal(&self, signal: Signal) -> Result<(), Failure> {
         let id = i32::try_from(self.id()).map_err(working)?;
         kill(Pid::from_raw(id), signal).map_err(working)
-    }
-
-    /// Kills it as `kill -9` does.
-    pub fn kill(&mut self) -> Result<(), Failure> {
-        self.child.kill().and_then(|()| self.child.wait().map(|_| ())).map_err(working)
-    }
-
-    /// How it ended, if it did.
-    pub fn ended(&mut self) -> Result<Option<ExitStatus>, Failure> {
-        self.child.try_wait().map_err(working)
-    }
-
-    /// Waits for its end; whether it ended well.
-    pub fn end(&mut self, most: Duration) -> Result<bool, Failure> {
-        let deadline = Instant::now() + most;
-        while Instant::now() < deadline {
-            if let Some(status) = self.ended()? {
-                return Ok(status.success());
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        Err(working("a process did not end"))
-    }
-
-    /// The last lines of its stderr.
-    pub fn last_words(&self) -> String {
-        /// Enough for an error and what led to it.
-        const LINES: usize = 5;
-        let told = self.told.as_ref();
-        let text = told.and_then(|path| std::fs::read_to_string(path).ok());
-        let text = text.unwrap_or_default();
-        let lines: Vec<&str> = text.lines().collect();
-        lines[lines.len().saturating_sub(LINES)..].join("\n")
     }
 }
 

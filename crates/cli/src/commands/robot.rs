@@ -4,7 +4,7 @@ use nix::sys::signal::Signal;
 use serde::Serialize;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{LabError, RobotChoice, builtin};
-use stridemap_link::{GuardBounds, LinkError, Serve, send_stop, serve};
+use stridemap_link::{GuardBounds, LinkError, Serve, check_network, send_stop, serve};
 use stridemap_mujoco::{MujocoConfig, SimulatedMachine};
 use stridemap_process::{Action, Next, Situation, StrideEnd, walk};
 use stridemap_robot::{Robot, Ros2Config};
@@ -25,6 +25,10 @@ impl From<LinkError> for Failure {
     fn from(error: LinkError) -> Self {
         match error {
             LinkError::Config { .. } => Self::Request(error.into()),
+            LinkError::NotBuilt => {
+                let words: Vec<String> = std::env::args().skip(1).collect();
+                Self::request(format!("{error}; with it: cargo run --release --features ros2 -- {}", words.join(" ")))
+            }
             _ => Self::Working(error.into()),
         }
     }
@@ -108,9 +112,9 @@ fn cpu_s(process: &str) -> Option<f64> {
 
 /// Times the link: the nominal gait on a robot in another process.
 pub fn bench_link(seconds: f64, json: bool, domain: u16) -> Result<(), Failure> {
+    check_network(&Ros2Config { domain, ..Ros2Config::default() })?;
     let network = domain.to_string();
-    let robot = ["robot", "op3", "--domain", network.as_str()].map(ToOwned::to_owned);
-    let mut child = Process::start(&robot, None)?;
+    let mut child = Process::start(&["robot", "op3", "--domain", &network])?;
     let mut task = builtin::load(TASK, &[])?.on(Some(RobotChoice::Ros2), 1)?.task;
     if let Some(link) = &mut task.link {
         link.domain = domain;

@@ -6,10 +6,10 @@ use stridemap_robot::{BaseState, Ros2Config, SensorFrame};
 
 use super::stamps::{self, TWO_CLOCKS_NS};
 use super::{Entry, Kind, LogReport, LoggedAction, LoggedEpisode, Sorted};
+use crate::assemble::LinkCounts;
 use crate::assemble::{self, Assembler, Part, off_pace};
 use crate::mcap_file::Findings;
 use crate::messages::{Float64MultiArray, RosTime, from_cdr};
-use crate::remote::LinkCounts;
 use crate::stream::Unusable;
 
 /// An episode that is being read.

@@ -9,8 +9,8 @@ use super::stand_in::PERIOD_S;
 use super::{FaultRow, ms};
 use crate::error::LinkError;
 use crate::guard::Refusals;
-use crate::network::NetworkConditions;
-use crate::server::Status;
+use crate::ros2::network::NetworkConditions;
+use crate::served::Status;
 
 /// Silence, in robot time, after which the robot was first heard to do this.
 fn silence_at(heard: &[Status], act: &str) -> Option<f64> {

@@ -13,9 +13,10 @@ use super::stand_in::{JOINTS, PERIOD_S, StandIn, limits, names};
 use super::{FaultRow, ms};
 use crate::error::LinkError;
 use crate::messages::{Float64MultiArray, Header, Imu, JointState, RosTime, WrenchStamped, to_messages};
-use crate::node::{LinkNode, drain};
-use crate::remote::{AlwaysConfirms, RemoteMachine};
-use crate::stop::send_stop;
+use crate::operator::AlwaysConfirms;
+use crate::ros2::node::{LinkNode, drain};
+use crate::ros2::remote::RemoteMachine;
+use crate::ros2::stop::send_stop;
 
 fn generator() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(0)

@@ -13,8 +13,8 @@ use ros2_client::{
 use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
-use crate::interface::Interface;
 use crate::messages::RosMessage;
+use crate::ros2::interface::Interface;
 
 /// Names of the topics besides those that the configuration names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

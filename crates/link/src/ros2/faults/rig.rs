@@ -13,12 +13,14 @@ use stridemap_robot::{Machine, RobotError, Ros2Config};
 use super::stand_in::{JOINTS, PERIOD_S, StandIn, limits, names};
 use crate::error::LinkError;
 use crate::guard::GuardBounds;
-use crate::listener::StatusListener;
 use crate::messages::{Float64MultiArray, JointState, UInt64MultiArray};
-use crate::network::BadNetwork;
-use crate::node::{LinkNode, Topics, drain};
-use crate::remote::{AlwaysConfirms, RemoteMachine};
-use crate::server::{Serve, ServerReport, Status, serve};
+use crate::operator::AlwaysConfirms;
+use crate::ros2::listener::StatusListener;
+use crate::ros2::network::BadNetwork;
+use crate::ros2::node::{LinkNode, Topics, drain};
+use crate::ros2::remote::RemoteMachine;
+use crate::ros2::server::serve;
+use crate::served::{Serve, ServerReport, Status};
 
 /// A served stand-in, and an listener for what it says. The controller is behind a network of its own: a domain
 /// above the robot's.

@@ -3,12 +3,12 @@
 use ros2_client::Subscription;
 use stridemap_robot::{Ros2Config, SensorFrame};
 
+use crate::assemble::LinkCounts;
 use crate::assemble::{Assembler, Part};
 use crate::error::LinkError;
 use crate::messages::{Imu, JointState, RosMessage, Text, WrenchStamped};
-use crate::node::{LinkNode, Topics, drain, writer_of};
-use crate::remote::LinkCounts;
-use crate::server::Status;
+use crate::ros2::node::{LinkNode, Topics, drain, writer_of};
+use crate::served::Status;
 use crate::stream::Unusable;
 use crate::wiring::Wiring;
 

@@ -2,7 +2,7 @@
 //!
 //! The robot is a stand-in of four perfect servos behind [`serve`](crate::serve), the controller a
 //! [`RemoteMachine`](crate::RemoteMachine), and between them a [`BadNetwork`](crate::BadNetwork). Faults of
-//! processes are tried on processes: `stridemap faults` does that.
+//! processes are tried on processes, by the tests of the command.
 
 mod messages;
 mod network;
@@ -10,14 +10,14 @@ mod rig;
 mod robot;
 mod stand_in;
 
-use serde::Serialize;
 use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
-use crate::network::NetworkConditions;
+use crate::guard::Refusals;
+use crate::ros2::network::NetworkConditions;
 
 /// One row of the fault table.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct FaultRow {
     /// What was done to the link.
     pub fault: String,
@@ -73,7 +73,7 @@ fn ms(seconds: f64) -> String {
 }
 
 /// Tries every fault of network, messages and robot on a running link and tells `row` what was seen, as soon as
-/// it is known. Rows use domains of their own, from the configuration's on: [`FAULT_DOMAINS`] of them.
+/// it is known. Rows use domains of their own, 32 from the configuration's on.
 /// A row that could not be tried (the network cannot be joined, a link without a fault does not work) says so and
 /// is not ok; the others go on.
 pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
@@ -90,36 +90,30 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
     }
     row(tried("every message delayed by 200 ms", network::delayed(&next(), 0.2)));
     let fair = NetworkConditions::default();
-    row(tried(
-        "reordered: one of 5 messages overtaken by the next",
-        network::borne(
-            &next(),
+    type Counted = fn(&Refusals) -> u64;
+    let borne: [(&str, NetworkConditions, Counted, &str); 3] = [
+        (
             "reordered: one of 5 messages overtaken by the next",
             NetworkConditions { overtake_one_of: Some(5), ..fair },
             |r| r.out_of_order,
             "heartbeats out of order refused",
         ),
-    ));
-    row(tried(
-        "duplicated: every message twice",
-        network::borne(
-            &next(),
+        (
             "duplicated: every message twice",
             NetworkConditions { twice: true, ..fair },
             |r| r.out_of_order,
             "heartbeats refused as known",
         ),
-    ));
-    row(tried(
-        "5 % lost: one of 20 messages of each topic",
-        network::borne(
-            &next(),
+        (
             "5 % lost: one of 20 messages of each topic",
             NetworkConditions { lose_one_of: Some(20), ..fair },
             |r| r.stale,
             "commands refused",
         ),
-    ));
+    ];
+    for (fault, conditions, counted, what) in borne {
+        row(tried(fault, network::borne(&next(), fault, conditions, counted, what)));
+    }
     match messages::bad_messages(&next()) {
         Ok(rows) => rows.into_iter().for_each(&mut *row),
         Err(error) => row(tried("bad messages", Err(error))),
@@ -145,6 +139,3 @@ pub fn fault_table(link: &Ros2Config, row: &mut dyn FnMut(FaultRow)) {
     row(tried("e-stop during a stride", robot::emergency_stop(&next())));
     row(tried("second writer", robot::second_writer(&next())));
 }
-
-/// Domains that [`fault_table`] uses.
-pub const FAULT_DOMAINS: u16 = 32;

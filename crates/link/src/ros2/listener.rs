@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
-use crate::node::{LinkNode, Topics, drain};
-use crate::server::Status;
+use crate::ros2::node::{LinkNode, Topics, drain};
+use crate::served::Status;
 
 /// Listens to a robot's status from a thread of its own, and keeps all it heard with the time at which it was
 /// heard.

@@ -8,7 +8,7 @@ use super::rig::Rig;
 use super::stand_in::{JOINTS, limits};
 use super::{FaultRow, ms};
 use crate::error::LinkError;
-use crate::server::Status;
+use crate::served::Status;
 
 /// Good commands, then bad ones: the robot must refuse and count them, and go on with the good.
 pub(super) fn bad_messages(link: &Ros2Config) -> Result<Vec<FaultRow>, LinkError> {

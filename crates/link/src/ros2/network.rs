@@ -11,7 +11,7 @@ use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
 use crate::messages::{Clock, Float64MultiArray, Imu, JointState, RosMessage, Text, UInt64MultiArray, WrenchStamped};
-use crate::node::{LinkNode, NAP, Topics, drain};
+use crate::ros2::node::{LinkNode, NAP, Topics, drain};
 
 /// What the network does to messages, in both directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -9,8 +9,8 @@ use stridemap_robot::Ros2Config;
 
 use crate::error::LinkError;
 use crate::messages::Text;
-use crate::node::{LinkNode, Topics, drain};
-use crate::server::Status;
+use crate::ros2::node::{LinkNode, Topics, drain};
+use crate::served::Status;
 
 /// How often it is pressed.
 pub(crate) const STOP_PERIOD: Duration = Duration::from_millis(5);
