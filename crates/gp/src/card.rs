@@ -4,12 +4,14 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::fit::FitReport;
 use crate::gp::Gp;
 use crate::hyper::Hyperparameters;
 use crate::kernel::Kernel;
 use crate::mean::{Mean, spread};
 use crate::optimize::Stop;
-use crate::scores::LeaveOneOutScores;
+use crate::scores::{LeaveOneOut, LeaveOneOutScores};
+use crate::sparse::SparseGp;
 
 /// Points a parameter below which a fit is called poor in data.
 const POINTS_PER_PARAMETER: usize = 3;
@@ -125,8 +127,8 @@ pub struct Card {
     pub log_marginal_likelihood: f64,
     /// Leave-one-out scores; `None` if they are not determined.
     pub leave_one_out: Option<LeaveOneOutScores>,
-    /// Estimate of the condition number of `K + σₙ² I`, within a factor of `√N`.
-    pub condition_number: f64,
+    /// Estimate of the condition number of `K + σₙ² I`, within a factor of `√N`; `None` for a sparse model.
+    pub condition_number: Option<f64>,
     /// Points added or dropped since the last factorisation.
     pub updates: usize,
     /// What to be wary of.
@@ -150,7 +152,9 @@ impl fmt::Display for Card {
             let (half, most) = (100.0 * loo.coverage_50, 100.0 * loo.coverage_90);
             writeln!(f, "coverage of 50 %, 90 %   {half:.0} %, {most:.0} %")?;
         }
-        write!(f, "condition number         {:.1e}", self.condition_number)?;
+        if let Some(condition_number) = self.condition_number {
+            write!(f, "condition number         {condition_number:.1e}")?;
+        }
         for warning in &self.warnings {
             write!(f, "\nwarning: {warning}")?;
         }
@@ -188,8 +192,7 @@ impl Gp {
         if self.y.len() < POINTS_PER_PARAMETER * parameters {
             warnings.push(Warning::TooFewPoints { points: self.y.len(), parameters });
         }
-        let spread_of_y = spread(&self.y);
-        if spread_of_y <= 0.0 {
+        if spread(&self.y) <= 0.0 {
             warnings.push(Warning::ConstantOutputs);
         }
         for (dimension, spread) in self.frame.spread.iter().enumerate() {
@@ -201,22 +204,11 @@ impl Gp {
         if points > 0 {
             warnings.push(Warning::RepeatedInputs { points });
         }
-        self.warn_of_the_search(&mut warnings);
+        warn_of_the_search(self.report.as_ref(), &self.hyperparameters, &mut warnings);
         if condition_number.is_nan() || condition_number > ILL_CONDITIONED {
             warnings.push(Warning::IllConditioned { condition_number });
         }
-        match &leave_one_out {
-            None => warnings.push(Warning::LeaveOneOutUndetermined),
-            Some(LeaveOneOutScores { mean_square_standardized, rmse, .. }) => {
-                if spread_of_y > 0.0 && *rmse >= spread_of_y {
-                    warnings.push(Warning::AllNoise);
-                }
-                if !(HONEST.0..=HONEST.1).contains(mean_square_standardized) {
-                    let mean_square_standardized = *mean_square_standardized;
-                    warnings.push(Warning::Miscalibrated { mean_square_standardized });
-                }
-            }
-        }
+        warn_of_the_scores(leave_one_out.as_ref(), &self.y, &mut warnings);
         Card {
             points: self.y.len(),
             dims: self.dims,
@@ -226,33 +218,9 @@ impl Gp {
             mean_coefficients: self.mean_coefficients(),
             log_marginal_likelihood: self.log_marginal_likelihood,
             leave_one_out,
-            condition_number,
+            condition_number: Some(condition_number),
             updates: self.updates,
             warnings,
-        }
-    }
-
-    fn warn_of_the_search(&self, warnings: &mut Vec<Warning>) {
-        let Some(report) = &self.report else { return };
-        let h = &self.hyperparameters;
-        let values = [h.signal_variance, h.noise_variance];
-        for (p, &value) in values.iter().chain(&h.length_scales).enumerate() {
-            let (lower, upper) = (report.lower[p], report.upper[p]);
-            let at_lower = value <= lower * (1.0 + AT_BOUND);
-            let at_upper = value >= upper * (1.0 - AT_BOUND);
-            // A parameter that was fixed is not at a bound.
-            if at_lower != at_upper {
-                let parameter = match p {
-                    0 => "signal_variance".to_owned(),
-                    1 => "noise_variance".to_owned(),
-                    _ => format!("length_scales[{}]", p - 2),
-                };
-                warnings.push(Warning::AtBound { parameter, value, upper: at_upper });
-            }
-        }
-        let stop = report.best_start().stop;
-        if stop != Stop::Converged {
-            warnings.push(Warning::NotConverged { stop });
         }
     }
 
@@ -293,5 +261,70 @@ impl Gp {
             largest = largest.max(sum);
         }
         norm * largest
+    }
+}
+
+/// What the search for the hyperparameters says against itself.
+fn warn_of_the_search(report: Option<&FitReport>, h: &Hyperparameters, warnings: &mut Vec<Warning>) {
+    let Some(report) = report else { return };
+    let values = [h.signal_variance, h.noise_variance];
+    for (p, &value) in values.iter().chain(&h.length_scales).enumerate() {
+        let (lower, upper) = (report.lower[p], report.upper[p]);
+        let at_lower = value <= lower * (1.0 + AT_BOUND);
+        let at_upper = value >= upper * (1.0 - AT_BOUND);
+        // A parameter that was fixed is not at a bound.
+        if at_lower != at_upper {
+            let parameter = match p {
+                0 => "signal_variance".to_owned(),
+                1 => "noise_variance".to_owned(),
+                _ => format!("length_scales[{}]", p - 2),
+            };
+            warnings.push(Warning::AtBound { parameter, value, upper: at_upper });
+        }
+    }
+    let stop = report.best_start().stop;
+    if stop != Stop::Converged {
+        warnings.push(Warning::NotConverged { stop });
+    }
+}
+
+/// What leaving one out says against a model.
+fn warn_of_the_scores(scores: Option<&LeaveOneOutScores>, y: &[f64], warnings: &mut Vec<Warning>) {
+    let Some(LeaveOneOutScores { mean_square_standardized, rmse, .. }) = scores else {
+        return warnings.push(Warning::LeaveOneOutUndetermined);
+    };
+    let spread_of_y = spread(y);
+    if spread_of_y > 0.0 && *rmse >= spread_of_y {
+        warnings.push(Warning::AllNoise);
+    }
+    if !(HONEST.0..=HONEST.1).contains(mean_square_standardized) {
+        let mean_square_standardized = *mean_square_standardized;
+        warnings.push(Warning::Miscalibrated { mean_square_standardized });
+    }
+}
+
+impl SparseGp {
+    /// The card of a model about a mean with these coefficients.
+    pub(crate) fn card(&self, mean: Mean, coefficients: &[f64], y: &[f64], leave_one_out: &LeaveOneOut) -> Card {
+        let scores = leave_one_out.scores();
+        let mut warnings = Vec::new();
+        if spread(y) <= 0.0 {
+            warnings.push(Warning::ConstantOutputs);
+        }
+        warn_of_the_search(self.report(), self.hyperparameters(), &mut warnings);
+        warn_of_the_scores(Some(&scores), y, &mut warnings);
+        Card {
+            points: self.len(),
+            dims: self.dims(),
+            kernel: self.kernel(),
+            mean,
+            hyperparameters: self.hyperparameters().clone(),
+            mean_coefficients: coefficients.to_vec(),
+            log_marginal_likelihood: self.bound(),
+            leave_one_out: Some(scores),
+            condition_number: None,
+            updates: 0,
+            warnings,
+        }
     }
 }

@@ -237,9 +237,9 @@ pub enum RegressorKind {
 #[serde(untagged)]
 pub enum Fitted {
     /// An exact one.
-    Exact(Gp),
+    Exact(Box<Gp>),
     /// A sparse one.
-    Sparse(SparseFit),
+    Sparse(Box<SparseFit>),
 }
 
 impl Fitted {
@@ -256,8 +256,8 @@ impl Fitted {
         rng: &mut R,
     ) -> Result<Self> {
         Ok(match kind {
-            RegressorKind::Exact => Self::Exact(Gp::fit(points, y, options, rng)?),
-            RegressorKind::Sparse => Self::Sparse(SparseFit::fit(points, y, options, rng)?),
+            RegressorKind::Exact => Self::Exact(Box::new(Gp::fit(points, y, options, rng)?)),
+            RegressorKind::Sparse => Self::Sparse(Box::new(SparseFit::fit(points, y, options, rng)?)),
         })
     }
 }
@@ -268,8 +268,8 @@ impl Deref for Fitted {
     #[inline]
     fn deref(&self) -> &Self::Target {
         match self {
-            Self::Exact(gp) => gp,
-            Self::Sparse(gp) => gp,
+            Self::Exact(gp) => gp.as_ref(),
+            Self::Sparse(gp) => gp.as_ref(),
         }
     }
 }
@@ -279,8 +279,8 @@ impl<'de> Deserialize<'de> for Fitted {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         let value = serde_json::Value::deserialize(deserializer)?;
         if value.get("plane").is_some() {
-            return SparseFit::deserialize(value).map(Self::Sparse).map_err(de::Error::custom);
+            return SparseFit::deserialize(value).map(|gp| Self::Sparse(Box::new(gp))).map_err(de::Error::custom);
         }
-        Gp::deserialize(value).map(Self::Exact).map_err(de::Error::custom)
+        Gp::deserialize(value).map(|gp| Self::Exact(Box::new(gp))).map_err(de::Error::custom)
     }
 }

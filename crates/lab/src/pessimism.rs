@@ -10,7 +10,7 @@
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
-use stridemap_map::{LearnedMap, MapError, MapPrediction};
+use stridemap_map::{LearnedMap, MapPrediction, StateReward};
 use stridemap_process::{ProcessError, ProcessSpec, Situation, Stride, StrideEnd, StrideProcess};
 
 /// How much a stride in the map costs for what is not known or not safe.
@@ -59,11 +59,10 @@ impl CautiousMap {
     }
 
     /// Mean reward less k standard deviations, without the penalties.
-    fn doubtful_reward(&self, predicted: &MapPrediction) -> Result<f64, MapError> {
-        let k = self.config.std_weight;
-        let Some(of_state) = &self.map.world().reward else {
-            let (mean, variance) = self.map.predicted_reward()?.unwrap_or_default();
-            return Ok(mean - k * variance.sqrt());
+    fn doubtful_reward(k: f64, of_state: Option<&StateReward>, predicted: &MapPrediction) -> f64 {
+        let Some(of_state) = of_state else {
+            let (mean, variance) = predicted.reward.unwrap_or_default();
+            return mean - k * variance.sqrt();
         };
         // The sd of a function of the state: central differences over one sd of each
         // component, which are independent given the inputs.
@@ -80,7 +79,7 @@ impl CautiousMap {
                 moved[i] = means[i];
             }
         }
-        Ok(of_state(means) - k * variance.sqrt())
+        of_state(means) - k * variance.sqrt()
     }
 }
 
@@ -94,19 +93,22 @@ impl StrideProcess for CautiousMap {
     }
 
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
-        let (at, predicted, mut stride) = self.map.imagine(action, rng)?;
+        let mut stride = self.map.imagine(action, rng)?;
         if stride.end != StrideEnd::Crossing {
             return Ok(stride);
         }
-        stride.reward = self.doubtful_reward(&predicted)?;
-        if let Some((c, bound)) = self.psi_roll {
-            let noise = self.map.outputs()[c].hyperparameters().noise_variance;
+        let config = self.config;
+        let of_state = self.map.world().reward.clone();
+        let roll_noise = self.psi_roll.map(|(c, _)| self.map.outputs()[c].hyperparameters().noise_variance);
+        let (at, predicted) = self.map.imagined()?;
+        stride.reward = Self::doubtful_reward(config.std_weight, of_state.as_ref(), predicted);
+        if let (Some((c, bound)), Some(noise)) = (self.psi_roll, roll_noise) {
             let sd = (predicted.latent_variances[c] + noise).sqrt().max(f64::MIN_POSITIVE);
-            stride.reward -= self.config.unsafe_penalty * self.normal.cdf((bound - predicted.means[c]) / sd);
+            stride.reward -= config.unsafe_penalty * self.normal.cdf((bound - predicted.means[c]) / sd);
         }
         if let Some(c) = self.pitch_rate {
             let change = (predicted.means[c] - at.state[c]).abs();
-            stride.reward -= self.config.flip_penalty * (change - self.config.flip_free_deg_s).max(0.0);
+            stride.reward -= config.flip_penalty * (change - config.flip_free_deg_s).max(0.0);
         }
         Ok(stride)
     }

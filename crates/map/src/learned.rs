@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use stridemap_gp::{Gp, Points, Scratch, check_memory};
+use stridemap_gp::{Fitted, Points, RegressorKind, Scratch, check_memory};
 use stridemap_process::{
     Action, ActionLaw, ActionLimits, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, Stride, StrideEnd,
     StrideProcess, clipped_action,
@@ -75,7 +75,7 @@ pub struct MapPoint {
 }
 
 /// A prediction of one stride.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapPrediction {
     /// Mean of each component of the next state.
     pub means: State,
@@ -91,10 +91,14 @@ pub struct LearnedMap {
     config: MapConfig,
     world: MapWorld,
     samples: Arc<Vec<MapSample>>,
-    outputs: Arc<Vec<Gp>>,
-    reward: Option<Arc<Gp>>,
+    outputs: Arc<Vec<Fitted>>,
+    reward: Option<Arc<Fitted>>,
     law: ActionLaw,
-    at: Option<Situation>,
+    /// Where the next stride begins, if it may; where the last one began, and what was predicted of it.
+    at: Situation,
+    is_ready: bool,
+    from: Situation,
+    predicted: MapPrediction,
     row: Vec<f64>,
     scratch: Scratch,
 }
@@ -122,7 +126,7 @@ impl LearnedMap {
     ///
     /// # Cost
     ///
-    /// `O(starts · N³)` per output for N strides: about a millisecond for 100.
+    /// `O(starts · N³)` per output for N strides, about a millisecond for 100; sparse, seconds for 50,000.
     pub fn fit(
         config: MapConfig,
         world: MapWorld,
@@ -131,7 +135,9 @@ impl LearnedMap {
     ) -> Result<Self, MapError> {
         let (states, actions) = (world.spec.state.len(), world.spec.action.len());
         config.validate(states, actions)?;
-        check_memory(samples.len(), states + usize::from(world.reward.is_none()))?;
+        if config.regressor == RegressorKind::Exact {
+            check_memory(samples.len(), states + usize::from(world.reward.is_none()))?;
+        }
         let dims = config.dims(states, actions);
         let mut inputs = Vec::with_capacity(samples.len() * dims);
         for s in samples {
@@ -145,11 +151,11 @@ impl LearnedMap {
             let mut y: Vec<f64> = samples.iter().map(target).collect();
             settle(&mut y, 1);
             let noise = config.min_noise_std.as_ref().map(|stds| stds[component]);
-            outputs.push(Gp::fit(points, &y, &config.fit_options(&inputs, &y, noise), rng)?);
+            outputs.push(Fitted::fit(config.regressor, points, &y, &config.fit_options(&inputs, &y, noise), rng)?);
         }
         let reward = if world.reward.is_none() {
             let y: Vec<f64> = samples.iter().map(|s| s.reward).collect();
-            Some(Arc::new(Gp::fit(points, &y, &config.fit_options(&inputs, &y, None), rng)?))
+            Some(Arc::new(Fitted::fit(config.regressor, points, &y, &config.fit_options(&inputs, &y, None), rng)?))
         } else {
             None
         };
@@ -160,7 +166,10 @@ impl LearnedMap {
             samples: Arc::new(samples.to_vec()),
             outputs: Arc::new(outputs),
             reward,
-            at: None,
+            at: Situation::default(),
+            is_ready: false,
+            from: Situation::default(),
+            predicted: MapPrediction::default(),
             row: Vec::with_capacity(dims),
             scratch: Scratch::new(),
         })
@@ -186,13 +195,13 @@ impl LearnedMap {
 
     /// One Gaussian process per component of the next state.
     #[must_use]
-    pub fn outputs(&self) -> &[Gp] {
+    pub fn outputs(&self) -> &[Fitted] {
         &self.outputs
     }
 
     /// The Gaussian process of the reward, where the next state does not determine it.
     #[must_use]
-    pub fn reward_output(&self) -> Option<&Gp> {
+    pub fn reward_output(&self) -> Option<&Fitted> {
         self.reward.as_deref()
     }
 
@@ -200,7 +209,7 @@ impl LearnedMap {
     #[must_use]
     pub fn log_marginal_likelihoods(&self) -> Vec<f64> {
         let all = self.outputs.iter().chain(self.reward.as_deref());
-        all.map(Gp::log_marginal_likelihood).collect()
+        all.map(|gp| gp.log_marginal_likelihood()).collect()
     }
 
     /// Predicts the next state and, where it has a Gaussian process of its own, the reward.
@@ -302,54 +311,50 @@ impl LearnedMap {
         })
     }
 
-    /// A stride as far as it does not depend on the reward: where it leads, what was predicted, and whether it
-    /// is a fall.
+    /// A stride as far as it does not depend on a reward: that is the price of a fall, or zero.
     ///
     /// # Errors
     ///
     /// As [`StrideProcess::stride`].
-    pub fn imagine(
-        &mut self,
-        action: &[f64],
-        rng: &mut ChaCha8Rng,
-    ) -> Result<(Situation, MapPrediction, Stride), ProcessError> {
-        if self.at.is_none() {
+    pub fn imagine(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
+        if !self.is_ready {
             return Err(ProcessError::NotReset);
         }
         let last_action = self.law.apply(action)?;
-        let at = self.at.take().ok_or(ProcessError::NotReset)?;
+        self.is_ready = false;
+        std::mem::swap(&mut self.at, &mut self.from);
+        let (at, config) = (&self.from, &self.config);
         self.row.clear();
-        self.config.input_row(&at, &last_action, &mut self.row);
-        let (mut state, mut means, mut latent_variances) = (State::new(), State::new(), State::new());
+        config.input_row(at, &last_action, &mut self.row);
+        let MapPrediction { means, latent_variances, .. } = &mut self.predicted;
+        means.clear();
+        latent_variances.clear();
+        self.at.state.clear();
         for (i, gp) in self.outputs.iter().enumerate() {
             let p = gp.predict_with(&self.row, &mut self.scratch).map_err(MapError::from)?;
-            let drawn = self.config.next(i, &at.state, self.config.draw(gp, p, rng));
-            let [low, high] = self.config.state_range[i];
-            state.push(drawn.clamp(low, high));
-            means.push(self.config.next(i, &at.state, p.mean));
+            let drawn = config.next(i, &at.state, config.draw(&**gp, p, rng));
+            let [low, high] = config.state_range[i];
+            self.at.state.push(drawn.clamp(low, high));
+            means.push(config.next(i, &at.state, p.mean));
             latent_variances.push(p.latent_variance);
         }
-        let fell = self.world.failure.fell(&state);
-        let next = Situation { state, last_action, goal: at.goal.clone() };
-        if !fell {
-            self.at = Some(next.clone());
-        }
-        let end = if fell { StrideEnd::Fell } else { StrideEnd::Crossing };
-        let stride = Stride { next, reward: self.world.failure.reward, end };
-        Ok((at, MapPrediction { means, latent_variances, reward: None }, stride))
+        self.at.last_action = last_action;
+        self.at.goal = at.goal.clone();
+        self.is_ready = !self.world.failure.fell(&self.at.state);
+        let (reward, end) =
+            if self.is_ready { (0.0, StrideEnd::Crossing) } else { (self.world.failure.reward, StrideEnd::Fell) };
+        Ok(Stride { next: self.at.clone(), reward, end })
     }
-}
 
-impl LearnedMap {
-    /// Mean and latent variance of the reward of the stride imagined last, where it has a Gaussian process of
-    /// its own.
+    /// Where the stride imagined last began, and what was predicted of it.
     ///
     /// # Errors
     ///
-    /// [`MapError::Gp`] if there was no such stride.
-    pub fn predicted_reward(&self) -> Result<Option<(f64, f64)>, MapError> {
-        let p = self.reward.as_ref().map(|gp| gp.predict(&self.row)).transpose()?;
-        Ok(p.map(|p| (p.mean, p.latent_variance)))
+    /// [`MapError::Gp`] if the reward has a Gaussian process of its own, and there was no such stride.
+    pub fn imagined(&mut self) -> Result<(&Situation, &MapPrediction), MapError> {
+        let reward = self.reward.as_ref().map(|gp| gp.predict(&self.row)).transpose()?;
+        self.predicted.reward = reward.map(|p| (p.mean, p.latent_variance));
+        Ok((&self.from, &self.predicted))
     }
 }
 
@@ -376,19 +381,19 @@ impl StrideProcess for LearnedMap {
                 sample.at.state.clone()
             }
         };
-        let at = Situation { state, last_action: self.law.last().clone(), goal: Goal::new() };
-        self.at = Some(at.clone());
-        Ok(at)
+        self.at = Situation { state, last_action: self.law.last().clone(), goal: Goal::new() };
+        self.is_ready = true;
+        Ok(self.at.clone())
     }
 
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError> {
-        let (_, _, mut stride) = self.imagine(action, rng)?;
+        let mut stride = self.imagine(action, rng)?;
         if stride.end == StrideEnd::Crossing {
             stride.reward = match (&self.world.reward, &self.reward) {
                 (Some(of_state), _) => of_state(&stride.next.state),
                 (None, Some(gp)) => {
                     let p = gp.predict_with(&self.row, &mut self.scratch).map_err(MapError::from)?;
-                    self.config.draw(gp, p, rng)
+                    self.config.draw(&***gp, p, rng)
                 }
                 (None, None) => 0.0,
             };

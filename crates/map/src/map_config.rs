@@ -1,7 +1,7 @@
 //! How a map is fitted and how strides are drawn from it.
 
 use serde::{Deserialize, Serialize};
-use stridemap_gp::{Bounds, FitOptions, Gp, Kernel, Mean, Range};
+use stridemap_gp::{Bounds, FitOptions, Kernel, Mean, Range, Regressor, RegressorKind};
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -63,6 +63,9 @@ pub struct MapConfig {
     /// left out: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remembered: Option<Vec<usize>>,
+    /// Which Gaussian process: `"exact"` up to some thousand strides, `"sparse"` for any number.
+    #[serde(default, skip_serializing_if = "is_exact")]
+    pub regressor: RegressorKind,
     /// Covariance function.
     pub kernel: Kernel,
     /// Mean function.
@@ -84,6 +87,10 @@ pub struct MapConfig {
     pub start: MapStart,
     /// `[lowest, highest]` per component of the state, for [`MapStart::Uniform`] and for figures.
     pub start_range: Vec<[f64; 2]>,
+}
+
+fn is_exact(kind: &RegressorKind) -> bool {
+    *kind == RegressorKind::Exact
 }
 
 impl MapConfig {
@@ -199,7 +206,7 @@ impl MapConfig {
     }
 
     /// What a stride draws of an output.
-    pub(crate) fn draw(&self, gp: &Gp, at: Prediction, rng: &mut ChaCha8Rng) -> f64 {
+    pub(crate) fn draw(&self, gp: &dyn Regressor, at: Prediction, rng: &mut ChaCha8Rng) -> f64 {
         let variance = match self.draw {
             MapDraw::Full => at.latent_variance + gp.hyperparameters().noise_variance,
             MapDraw::Latent => at.latent_variance,

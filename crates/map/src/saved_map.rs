@@ -1,7 +1,7 @@
 //! A learned map as a file.
 
 use serde::{Deserialize, Serialize};
-use stridemap_gp::{Card, Gp, GpError, Warning};
+use stridemap_gp::{Card, Fitted, GpError, Warning};
 
 use stridemap_process::ProcessSpec;
 
@@ -47,7 +47,7 @@ pub struct SavedOutput {
     /// Size, hyperparameters, scores, conditioning.
     pub card: Card,
     /// The model itself, with its data; predictions are bit-identical when it is read again.
-    pub gp: Gp,
+    pub gp: Fitted,
 }
 
 /// Predictions of each stride by all the others, noise included.
@@ -62,7 +62,7 @@ pub struct SavedLeaveOneOut {
 }
 
 impl SavedOutput {
-    pub(crate) fn of(gp: &Gp, name: String, inputs: &[String]) -> Result<Self, GpError> {
+    pub(crate) fn of(gp: &Fitted, name: String, inputs: &[String]) -> Result<Self, GpError> {
         let scores = gp.leave_one_out()?;
         let card = gp.card();
         let h = gp.hyperparameters();

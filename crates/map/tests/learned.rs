@@ -4,7 +4,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use smallvec::smallvec;
-use stridemap_gp::{Kernel, Mean};
+use stridemap_gp::{Kernel, Mean, RegressorKind};
 use stridemap_map::{
     LearnedMap, MapConfig, MapDraw, MapError, MapFailure, MapInput, MapPoint, MapPrediction, MapSample, MapStart,
     MapWorld,
@@ -53,6 +53,7 @@ fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, MapError
         inputs: vec![MapInput::State, MapInput::Action],
         invariant: vec![1],
         remembered: None,
+        regressor: RegressorKind::Exact,
         kernel: Kernel::SquaredExponential,
         mean,
         starts: 1,

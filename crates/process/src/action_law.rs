@@ -117,7 +117,7 @@ impl ActionLaw {
                 *last + way.clamp(-l.rate_per_stride, l.rate_per_stride)
             };
         }
-        Ok(self.last.clone())
+        Ok(Action::from_slice(&self.last))
     }
 }
 

@@ -14,7 +14,7 @@ pub type Action = SmallVec<[f64; 8]>;
 pub type Goal = SmallVec<[f64; 4]>;
 
 /// All that the choice of the next action may depend on, and with it what a map predicts from.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Situation {
     /// x(k).
     pub state: State,
@@ -22,6 +22,18 @@ pub struct Situation {
     pub last_action: Action,
     /// What the next stride is asked to do.
     pub goal: Goal,
+}
+
+impl Clone for Situation {
+    /// Slice by slice: number by number it is a tenth of an imagined stride.
+    #[inline]
+    fn clone(&self) -> Self {
+        Self {
+            state: State::from_slice(&self.state),
+            last_action: Action::from_slice(&self.last_action),
+            goal: Goal::from_slice(&self.goal),
+        }
+    }
 }
 
 impl<const N: usize> From<[f64; N]> for Situation {

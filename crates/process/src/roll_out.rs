@@ -70,28 +70,26 @@ pub fn roll_out<P: StrideProcess + ?Sized, E: From<ProcessError>>(
     rng: &mut ChaCha8Rng,
 ) -> Result<(), E> {
     let (mut episode, mut k) = (0, 0);
-    let mut here: Option<Situation> = None;
+    let (mut at, mut at_section) = (Situation::default(), false);
     for _ in 0..strides {
-        let at = match here.take() {
-            Some(at) => at,
-            None => {
-                let at = process.reset(rng)?;
-                if actor.begin(process, &at)? == Next::Stop {
-                    return Ok(());
-                }
-                at
+        if !at_section {
+            at = process.reset(rng)?;
+            if actor.begin(process, &at)? == Next::Stop {
+                return Ok(());
             }
-        };
+        }
         let action = actor.act(process, &at, rng)?;
         let stride = process.stride(&action, rng)?;
         let next = actor.saw(process, Made { episode, k, at: &at, stride: &stride })?;
-        match next {
-            Next::Stop => return Ok(()),
-            Next::Go if stride.end == StrideEnd::Crossing => {
-                here = Some(stride.next);
-                k += 1;
-            }
-            Next::Go | Next::Restart => (episode, k) = (episode + 1, 0),
+        if next == Next::Stop {
+            return Ok(());
+        }
+        at_section = next == Next::Go && stride.end == StrideEnd::Crossing;
+        if at_section {
+            at = stride.next;
+            k += 1;
+        } else {
+            (episode, k) = (episode + 1, 0);
         }
     }
     Ok(())

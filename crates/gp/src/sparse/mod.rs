@@ -13,7 +13,7 @@ use crate::aligned::Aligned;
 use crate::dense::{BackwardSolve, solve_lower, triangular_inverse};
 use crate::error::{GpError, Result, check_finite, check_len};
 use crate::fit::FitReport;
-use crate::gp::check_data;
+use crate::gp::{check_data, dot};
 use crate::hyper::Hyperparameters;
 use crate::kernel::{Kernel, Profile, with_profile};
 use crate::mean::{FAR, Frame};
@@ -23,6 +23,8 @@ use crate::options::FitOptions;
 use crate::panels::{InverseFactor, NormSquared};
 use crate::points::Points;
 use crate::predict::{CrossCovariance, Prediction, Scratch, at_row};
+use crate::sample::JointPrediction;
+use crate::scores::LeaveOneOut;
 
 use bound::Bound;
 
@@ -230,6 +232,86 @@ impl SparseGp {
         }
     }
 
+    /// [`predict`](Self::predict) in the caller's scratch memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`predict`](Self::predict).
+    pub fn predict_with(&self, x: &[f64], scratch: &mut Scratch) -> Result<Prediction> {
+        self.moments(x, scratch.take(self.stride + self.dims))
+    }
+
+    /// Joint mean and latent covariance at the rows of `points`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gp::predict_joint`](crate::Gp::predict_joint).
+    pub fn predict_joint(&self, points: Points<'_>) -> Result<JointPrediction> {
+        check_len("columns of points", self.dims, points.dims())?;
+        let (count, stride) = (points.len(), self.stride);
+        let (mut mean, mut covariance) = (vec![0.0; count], vec![0.0; count * count]);
+        let mut whitened = vec![0.0; 2 * count * stride];
+        let mut buffer = vec![0.0; stride + self.dims];
+        for (i, (x, rows)) in points.rows().zip(whitened.chunks_exact_mut(2 * stride)).enumerate() {
+            let at = self.moments(x, &mut buffer).map_err(|error| at_row(error, i))?;
+            (mean[i], covariance[i * count + i]) = (at.mean, at.latent_variance);
+            for (factor, row) in self.factors.iter().zip(rows.chunks_exact_mut(stride)) {
+                factor.product(&buffer[..stride], row);
+            }
+        }
+        for i in 0..count {
+            for j in 0..i {
+                let (a, b) = (points.row(i), points.row(j));
+                let squared: f64 = (0..self.dims).map(|d| ((a[d] - b[d]) * self.inverse_scales[d]).powi(2)).sum();
+                let row = |i: usize, which: usize| &whitened[(2 * i + which) * stride..][..stride];
+                let value = self.kernel.covariance(squared, self.hyperparameters.signal_variance)
+                    - dot(row(i, 0), row(j, 0))
+                    + dot(row(i, 1), row(j, 1));
+                (covariance[i * count + j], covariance[j * count + i]) = (value, value);
+            }
+        }
+        Ok(JointPrediction { mean, covariance })
+    }
+
+    /// Predicts each training point from the others, without refitting anything. In a model with noise λ,
+    ///
+    /// ```text
+    /// y − μ₋ = (y − μ) / (1 − h/λ),   σ²₋ = λ + (k − q) + h / (1 − h/λ)
+    /// ```
+    ///
+    /// where h is the posterior variance of what the inducing inputs tell of the point, q its prior variance; with
+    /// the points themselves as inducing inputs these are the equations of the exact process.
+    ///
+    /// # Arguments
+    ///
+    /// - `points`, `y` – what it was conditioned on.
+    ///
+    /// # Errors
+    ///
+    /// As [`predict`](Self::predict).
+    pub fn leave_one_out(&self, points: Points<'_>, y: &[f64]) -> Result<LeaveOneOut> {
+        let Hyperparameters { signal_variance, noise_variance, .. } = self.hyperparameters;
+        let (mut residuals, mut variances) = (Vec::with_capacity(y.len()), Vec::with_capacity(y.len()));
+        let mut buffer = vec![0.0; self.stride + self.dims];
+        for (x, y) in points.rows().zip(y) {
+            let (mean, explained, returned) = self.parts(x, &mut buffer)?;
+            let unexplained = (signal_variance - explained).max(0.0);
+            let (noise, beside) = match self.method {
+                SparseMethod::Vfe => (noise_variance, unexplained),
+                SparseMethod::Fitc => (noise_variance + unexplained, 0.0),
+            };
+            let left = (1.0 - returned / noise).max(f64::EPSILON);
+            residuals.push((y - mean - self.offset) / left);
+            variances.push(noise + beside + returned / left);
+        }
+        Ok(LeaveOneOut { residuals, variances })
+    }
+
+    /// The same model with a report of how its parameters were found.
+    pub(crate) fn with_report(self, report: Option<FitReport>) -> Self {
+        Self { report, ..self }
+    }
+
     /// Predicts at each row of `points`.
     ///
     /// # Errors
@@ -269,6 +351,17 @@ impl SparseGp {
     }
 
     fn moments(&self, x: &[f64], buffer: &mut [f64]) -> Result<Prediction> {
+        let (mean, explained, returned) = self.parts(x, buffer)?;
+        let variance = self.hyperparameters.signal_variance - explained + returned;
+        // As in exact regression: rounding becomes zero, anything worse is refused.
+        if !(variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance) || variance.is_infinite() {
+            return Err(GpError::Variance { row: 0, variance });
+        }
+        Ok(Prediction { mean: mean + self.offset, latent_variance: variance.max(0.0) })
+    }
+
+    /// Mean without the offset, and what the inducing inputs take from the variance and give back to it.
+    fn parts(&self, x: &[f64], buffer: &mut [f64]) -> Result<(f64, f64, f64)> {
         check_len("length of x", self.dims, x.len())?;
         check_finite("x", x, self.dims)?;
         let (k, z) = buffer.split_at_mut(self.stride);
@@ -276,14 +369,9 @@ impl SparseGp {
             z[d] = ((x[d] - self.centre[d]) * self.inverse_scales[d]).clamp(-FAR, FAR);
         }
         let z = &z[..self.dims];
-        let (mean, variance) = with_profile!(self.kernel, profile => {
+        Ok(with_profile!(self.kernel, profile => {
             self.arch.dispatch(Moments { profile, gp: self, z, k })
-        });
-        // As in exact regression: rounding becomes zero, anything worse is refused.
-        if !(variance >= -VARIANCE_ROUND_OFF * self.hyperparameters.signal_variance) || variance.is_infinite() {
-            return Err(GpError::Variance { row: 0, variance });
-        }
-        Ok(Prediction { mean: mean + self.offset, latent_variance: variance.max(0.0) })
+        }))
     }
 
     /// Covariance function.
@@ -363,7 +451,7 @@ fn in_frame(x: &[f64], frame: &Frame) -> Vec<f64> {
     x.iter().enumerate().map(|(i, x)| (x - frame.centre[i % dims]) / frame.spread_or_one(i % dims)).collect()
 }
 
-/// Mean and variance at a scaled input.
+/// Mean, and the two parts of the variance, at a scaled input.
 struct Moments<'a, P> {
     profile: P,
     gp: &'a SparseGp,
@@ -372,9 +460,9 @@ struct Moments<'a, P> {
 }
 
 impl<P: Profile> WithSimd for Moments<'_, P> {
-    type Output = (f64, f64);
+    type Output = (f64, f64, f64);
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> (f64, f64) {
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
         let Self { profile, gp, z, k } = self;
         let signal_variance = gp.hyperparameters.signal_variance;
         let (stride, points, weights) = (gp.stride, &gp.z[..], &gp.alpha[..]);
@@ -382,6 +470,6 @@ impl<P: Profile> WithSimd for Moments<'_, P> {
         let [prior, posterior] = &gp.factors;
         let explained = NormSquared { factor: prior, k }.with_simd(simd);
         let returned = NormSquared { factor: posterior, k }.with_simd(simd);
-        (mean, signal_variance - explained + returned)
+        (mean, explained, returned)
     }
 }
