@@ -61,82 +61,72 @@ pub(crate) struct Outcome {
     pub(crate) stop: Stop,
 }
 
-/// Minimises `objective` from `start`, which is projected onto the box.
-pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &Limits) -> Outcome {
-    let size = start.len();
-    let project = |theta: &mut [f64]| {
-        for p in 0..size {
-            theta[p] = theta[p].clamp(limits.lower[p], limits.upper[p]);
-        }
-    };
-    let mut theta = start.to_vec();
-    project(&mut theta);
-    let mut evaluations = 1;
-    let Some(mut value) = objective.value(&theta) else {
-        return Outcome { theta, value: f64::INFINITY, evaluations, stop: Stop::BadStart };
-    };
-    let mut gradient = vec![0.0; size];
-    objective.gradient(&mut gradient);
-    let mut hessian = InverseHessian::new(size);
-    let mut direction = vec![0.0; size];
-    let mut trial = theta.clone();
-    let mut trial_gradient = gradient.clone();
+/// A point and what is known there.
+struct Point {
+    theta: Vec<f64>,
+    value: f64,
+    gradient: Vec<f64>,
+}
 
-    loop {
-        let free: Vec<bool> = (0..size)
-            .map(|p| {
-                let low = theta[p] <= limits.lower[p] + AT_BOUND && gradient[p] > 0.0;
-                let high = theta[p] >= limits.upper[p] - AT_BOUND && gradient[p] < 0.0;
-                !(low || high) && limits.upper[p] > limits.lower[p]
-            })
-            .collect();
-        hessian.direction(&gradient, &free, &mut direction);
-        let mut slope = dot(&gradient, &direction);
-        if !(slope < 0.0) {
-            let fresh = hessian.is_fresh();
-            hessian.reset();
-            hessian.direction(&gradient, &free, &mut direction);
-            slope = dot(&gradient, &direction);
-            if fresh || !(slope < 0.0) {
-                return Outcome { theta, value, evaluations, stop: Stop::Converged };
-            }
-        }
-        let longest = direction.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
-        if hessian.is_fresh() {
-            let steepest = gradient.iter().zip(&free).filter(|(_, free)| **free);
-            let steepest = steepest.fold(0.0_f64, |m, (g, _)| m.max(g.abs()));
-            // Nothing is known of the curvature yet: judge by the gradient.
-            if steepest * FIRST_STEP < limits.tolerance {
-                return Outcome { theta, value, evaluations, stop: Stop::Converged };
-            }
-        } else if -0.5 * slope < limits.tolerance {
-            return Outcome { theta, value, evaluations, stop: Stop::Converged };
-        }
-        let limit = if hessian.is_fresh() { FIRST_STEP } else { LONGEST_STEP };
-        let mut step = if hessian.is_fresh() { limit / longest } else { (limit / longest).min(1.0) };
+impl Point {
+    fn outcome(self, evaluations: usize, stop: Stop) -> Outcome {
+        Outcome { theta: self.theta, value: self.value, evaluations, stop }
+    }
+}
 
-        // Line search: `good` is the best point that satisfies Armijo, `bad` the shortest that
-        // does not.
-        let mut good: Option<(f64, f64)> = None;
+/// A search along lines.
+struct Search<'a, O> {
+    objective: &'a mut O,
+    limits: &'a Limits<'a>,
+    evaluations: usize,
+}
+
+impl<O: Objective> Search<'_, O> {
+    fn project(&self, theta: &mut [f64]) {
+        for (p, t) in theta.iter_mut().enumerate() {
+            *t = t.clamp(self.limits.lower[p], self.limits.upper[p]);
+        }
+    }
+
+    /// Which parameters are not held at a bound.
+    fn free(&self, at: &Point) -> Vec<bool> {
+        let (lower, upper) = (self.limits.lower, self.limits.upper);
+        let free = |p: usize| {
+            let low = at.theta[p] <= lower[p] + AT_BOUND && at.gradient[p] > 0.0;
+            let high = at.theta[p] >= upper[p] - AT_BOUND && at.gradient[p] < 0.0;
+            !(low || high) && upper[p] > lower[p]
+        };
+        (0..at.theta.len()).map(free).collect()
+    }
+
+    fn is_over(&self) -> bool {
+        self.evaluations >= self.limits.max_evaluations
+    }
+
+    /// The best point along a direction that satisfies the Armijo condition, from a first `step` on.
+    fn line(&mut self, from: &Point, direction: &[f64], slope: f64, mut step: f64) -> Option<Point> {
+        let longest = largest(direction.iter());
+        // `good` is the best point that satisfies Armijo, `bad` the shortest step that does not.
+        let mut good: Option<Point> = None;
         let mut bad = f64::INFINITY;
-        let mut best = theta.clone();
         for _ in 0..TRIALS {
-            if evaluations >= limits.max_evaluations {
+            if self.is_over() {
                 break;
             }
-            for p in 0..size {
-                trial[p] = theta[p] + step * direction[p];
-            }
-            project(&mut trial);
-            let moved: f64 = (0..size).map(|p| gradient[p] * (trial[p] - theta[p])).sum();
-            evaluations += 1;
-            let found = objective.value(&trial).filter(|found| found.is_finite());
+            let mut trial: Vec<f64> = from.theta.iter().zip(direction).map(|(t, d)| t + step * d).collect();
+            self.project(&mut trial);
+            let moved: f64 = (0..trial.len()).map(|p| from.gradient[p] * (trial[p] - from.theta[p])).sum();
+            self.evaluations += 1;
+            let found = self.objective.value(&trial).filter(|found| found.is_finite());
             match found {
-                Some(found) if found <= value + ARMIJO * moved && good.is_none_or(|(_, before)| found < before) => {
-                    objective.gradient(&mut trial_gradient);
-                    let along = dot(&trial_gradient, &direction);
-                    good = Some((step, found));
-                    best.copy_from_slice(&trial);
+                Some(value)
+                    if value <= from.value + ARMIJO * moved
+                        && good.as_ref().is_none_or(|before| value < before.value) =>
+                {
+                    let mut gradient = vec![0.0; trial.len()];
+                    self.objective.gradient(&mut gradient);
+                    let along = dot(&gradient, direction);
+                    good = Some(Point { theta: trial, value, gradient });
                     let longer = if bad.is_finite() { 0.5 * (step + bad) } else { 2.5 * step };
                     let steep = along < CURVATURE * slope;
                     if !steep || longest * longer > 2.0 * LONGEST_STEP || bad < 1.5 * step {
@@ -144,41 +134,79 @@ pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &
                     }
                     step = longer;
                 }
-                _ if good.is_some() => {
-                    // The longer step was no better. Its predecessor stands, but the objective
-                    // must hold that point's intermediate results no more: nothing reads them.
-                    break;
-                }
+                // The longer step was no better. Its predecessor stands, but the objective must hold that point's
+                // intermediate results no more: nothing reads them.
+                _ if good.is_some() => break,
                 _ => {
                     bad = step;
                     // Minimum of the parabola through value, slope and the failed trial.
                     let shorter = found.map_or(0.25, |found| {
-                        let curvature = found - value - slope * step;
+                        let curvature = found - from.value - slope * step;
                         if curvature > 0.0 { -0.5 * slope * step / curvature } else { 0.25 }
                     });
                     step *= shorter.clamp(0.1, 0.5);
                 }
             }
         }
-        let Some((_, found)) = good else {
-            let stop = if evaluations >= limits.max_evaluations {
-                Stop::EvaluationLimit
-            } else if !hessian.is_fresh() {
-                hessian.reset();
-                continue;
-            } else {
-                Stop::NoProgress
-            };
-            return Outcome { theta, value, evaluations, stop };
+        good
+    }
+}
+
+/// Minimises `objective` from `start`, which is projected onto the box.
+pub(crate) fn minimize<O: Objective>(objective: &mut O, start: &[f64], limits: &Limits) -> Outcome {
+    let size = start.len();
+    let mut search = Search { objective, limits, evaluations: 1 };
+    let mut at = Point { theta: start.to_vec(), value: f64::INFINITY, gradient: vec![0.0; size] };
+    search.project(&mut at.theta);
+    let Some(value) = search.objective.value(&at.theta) else {
+        return at.outcome(1, Stop::BadStart);
+    };
+    at.value = value;
+    search.objective.gradient(&mut at.gradient);
+    let mut hessian = InverseHessian::new(size);
+    let mut direction = vec![0.0; size];
+    loop {
+        let free = search.free(&at);
+        hessian.direction(&at.gradient, &free, &mut direction);
+        let mut slope = dot(&at.gradient, &direction);
+        if !(slope < 0.0) {
+            let fresh = hessian.is_fresh();
+            hessian.reset();
+            hessian.direction(&at.gradient, &free, &mut direction);
+            slope = dot(&at.gradient, &direction);
+            if fresh || !(slope < 0.0) {
+                return at.outcome(search.evaluations, Stop::Converged);
+            }
+        }
+        let longest = largest(direction.iter());
+        let (gain, step) = if hessian.is_fresh() {
+            // Nothing is known of the curvature yet: judge by the gradient.
+            let steepest = largest(at.gradient.iter().zip(&free).filter(|(_, free)| **free).map(|(g, _)| g));
+            (steepest * FIRST_STEP, FIRST_STEP / longest)
+        } else {
+            (-0.5 * slope, (LONGEST_STEP / longest).min(1.0))
         };
-        hessian.update(&theta, &best, &gradient, &trial_gradient);
-        theta.copy_from_slice(&best);
-        gradient.copy_from_slice(&trial_gradient);
-        value = found;
-        if evaluations >= limits.max_evaluations {
-            return Outcome { theta, value, evaluations, stop: Stop::EvaluationLimit };
+        if gain < limits.tolerance {
+            return at.outcome(search.evaluations, Stop::Converged);
+        }
+        match search.line(&at, &direction, slope, step) {
+            Some(next) => {
+                hessian.update(&at.theta, &next.theta, &at.gradient, &next.gradient);
+                at = next;
+                if search.is_over() {
+                    return at.outcome(search.evaluations, Stop::EvaluationLimit);
+                }
+            }
+            None if search.is_over() => return at.outcome(search.evaluations, Stop::EvaluationLimit),
+            None if !hessian.is_fresh() => hessian.reset(),
+            None => return at.outcome(search.evaluations, Stop::NoProgress),
         }
     }
+}
+
+/// The largest magnitude.
+fn largest<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+    values.fold(0.0_f64, |most, v| most.max(v.abs()))
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -25,9 +25,10 @@
 //! AISTATS 2009. \[SG06\] E. Snelson and Z. Ghahramani, *Sparse Gaussian processes using
 //! pseudo-inputs*, NIPS 18, 2006.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
 use super::SparseMethod;
+use super::cross::{Cross, CrossGradient, CrossSums};
 use crate::aligned::Aligned;
 use crate::dense::{
     BackwardSolve, DenseScratch, ForwardSolve, add_outer, add_product_transposed, cholesky, inverse_from_factor,
@@ -36,7 +37,7 @@ use crate::dense::{
 use crate::evidence::{Fill, LOG_2_PI};
 use crate::gp::dot;
 use crate::hyper::Hyperparameters;
-use crate::kernel::{Kernel, Profile, with_profile};
+use crate::kernel::{Kernel, with_profile};
 use crate::vector::padded;
 
 /// Blur of the inducing variables, in signal variances.
@@ -223,10 +224,9 @@ impl Bound {
     /// Gradient of the last [`value`](Self::value) by `(log σ_f², log σₙ², log ℓ…)` and by the
     /// inducing inputs, row-major in the frame.
     pub(crate) fn gradient(&mut self, gradient: &mut [f64]) {
-        let (n, m, stride, dims) = (self.n, self.m, self.stride, self.dims);
-        let noise = self.noise_variance;
+        let (m, stride, dims, noise) = (self.m, self.stride, self.dims, self.noise_variance);
         let vfe = self.method == SparseMethod::Vfe;
-        let [work, inverse_b, left, right] = &mut self.work;
+        let [_, inverse_b, left, _] = &mut self.work;
 
         // B⁻¹ and L⁻¹
         inverse_from_factor(&self.factor_b, inverse_b, m, stride, &mut self.scratch);
@@ -247,9 +247,39 @@ impl Bound {
             }
         }
         product(left, &transposed, &middle, m, stride, m, false);
+        let (sums, by_lambda, energy) = self.over_points(&transposed);
+        for (adjoint, energy) in adjoint.iter_mut().zip(energy.iter()) {
+            *adjoint += energy;
+        }
+        let trace_adjoint: f64 = (0..m).map(|i| adjoint[i * stride + i]).sum();
+
+        // ∂F/∂K_uu = −½ L⁻ᵀ Γ L⁻¹
+        let [_, _, left, by_uu] = &mut self.work;
+        product(left, &transposed, &adjoint, m, stride, m, false);
+        product(by_uu, left, &inverse, m, stride, m, false);
+
+        let (direct, by_noise) = if vfe {
+            (-0.5 * self.n as f64 / noise, by_lambda + 0.5 * self.trace / (noise * noise))
+        } else {
+            (by_lambda, by_lambda)
+        };
+        gradient[0] = 0.5 * trace_adjoint + self.signal_variance * direct;
+        gradient[1] = noise * by_noise;
+        gradient[2..].fill(0.0);
+        let (by_scales, by_inducing) = gradient[2..].split_at_mut(dims);
+        for d in 0..dims {
+            by_scales[d] = self.by_dimension(d, &sums, by_inducing);
+        }
+    }
+
+    /// What the points contribute, chunk by chunk: sums for `K_uf`, `Σ λᵢ`, and `A E Aᵀ`.
+    fn over_points(&mut self, transposed: &Aligned) -> (CrossSums, f64, Aligned) {
+        let (n, m, stride, dims) = (self.n, self.m, self.stride, self.dims);
+        let noise = self.noise_variance;
+        let vfe = self.method == SparseMethod::Vfe;
+        let [work, inverse_b, left, right] = &mut self.work;
         let mut weights = self.beta.clone();
         self.arch.dispatch(BackwardSolve { factor: &self.factor, n: m, stride, b: &mut weights });
-
         let mut sums = CrossSums::new(stride, dims);
         let (mut by_lambda, mut energy) = (0.0, Aligned::zeros(stride * stride));
         let mut residuals = vec![0.0; CHUNK];
@@ -284,7 +314,7 @@ impl Bound {
             let mut by_cross = Aligned::zeros(stride * columns);
             product(&mut by_cross, left, right, m, stride, columns, false);
             if !vfe {
-                product(&mut by_cross, &transposed, work, m, stride, columns, true);
+                product(&mut by_cross, transposed, work, m, stride, columns, true);
                 add_product_transposed(&mut energy, work, a, m, stride, columns);
             }
             self.arch.dispatch(CrossGradient {
@@ -307,45 +337,28 @@ impl Bound {
                 by_lambda += 0.5 * (1.0 - inverse_b[i * stride + i]) / noise;
             }
         }
-        for (adjoint, energy) in adjoint.iter_mut().zip(energy.iter()) {
-            *adjoint += energy;
-        }
-        let trace_adjoint: f64 = (0..m).map(|i| adjoint[i * stride + i]).sum();
+        (sums, by_lambda, energy)
+    }
 
-        // ∂F/∂K_uu = −½ L⁻ᵀ Γ L⁻¹
-        product(left, &transposed, &adjoint, m, stride, m, false);
-        product(right, left, &inverse, m, stride, m, false);
-        let by_uu = right;
-
-        let points = n as f64;
-        let signal = self.signal_variance;
-        let (direct, by_noise) = if vfe {
-            (-0.5 * points / noise, by_lambda + 0.5 * self.trace / (noise * noise))
-        } else {
-            (by_lambda, by_lambda)
-        };
-        gradient[0] = 0.5 * trace_adjoint + signal * direct;
-        gradient[1] = noise * by_noise;
-        gradient[2..].fill(0.0);
-        let (by_scales, by_inducing) = gradient[2..].split_at_mut(dims);
-        for d in 0..dims {
-            let z = &self.z[d * stride..(d + 1) * stride];
-            let first_moment = &sums.first[d * stride..(d + 1) * stride];
-            let mut total = sums.second[d];
-            for i in 0..m {
-                let (q, s) = (sums.zeroth[i], first_moment[i]);
-                total += z[i] * (z[i] * q - 2.0 * s);
-                let mut by_z = s - z[i] * q;
-                for j in 0..m {
-                    let weight = -0.5 * by_uu[j * stride + i] * symmetric(&self.slopes_uu, i, j, stride);
-                    let difference = z[i] - z[j];
-                    total += weight * difference * difference;
-                    by_z -= 2.0 * weight * difference;
-                }
-                by_inducing[i * dims + d] = by_z / self.scales[d];
+    /// Gradient by one logarithmic length scale, and by that coordinate of the inducing inputs.
+    fn by_dimension(&self, d: usize, sums: &CrossSums, by_inducing: &mut [f64]) -> f64 {
+        let (m, stride, by_uu) = (self.m, self.stride, &self.work[3]);
+        let z = &self.z[d * stride..(d + 1) * stride];
+        let first_moment = &sums.first[d * stride..(d + 1) * stride];
+        let mut total = sums.second[d];
+        for i in 0..m {
+            let (q, s) = (sums.zeroth[i], first_moment[i]);
+            total += z[i] * (z[i] * q - 2.0 * s);
+            let mut by_z = s - z[i] * q;
+            for j in 0..m {
+                let weight = -0.5 * by_uu[j * stride + i] * symmetric(&self.slopes_uu, i, j, stride);
+                let difference = z[i] - z[j];
+                total += weight * difference * difference;
+                by_z -= 2.0 * weight * difference;
             }
-            by_scales[d] = total;
+            by_inducing[i * self.dims + d] = by_z / self.scales[d];
         }
+        total
     }
 }
 
@@ -367,108 +380,6 @@ fn transpose(lower: &[f64], m: usize, stride: usize) -> Aligned {
         }
     }
     upper
-}
-
-/// Sums over all points of `Q = ∂F/∂K_uf ∘ h` that the gradients need.
-struct CrossSums {
-    /// `Σᵢ Q_mi`.
-    zeroth: Aligned,
-    /// `Σᵢ Q_mi xᵢ_d`, one padded row a dimension.
-    first: Aligned,
-    /// `Σ_mi Q_mi xᵢ_d²`.
-    second: Vec<f64>,
-}
-
-impl CrossSums {
-    fn new(stride: usize, dims: usize) -> Self {
-        Self { zeroth: Aligned::zeros(stride), first: Aligned::zeros(dims * stride), second: vec![0.0; dims] }
-    }
-}
-
-/// Fills columns of `K_uf` and their slopes; rows from `m` on are zero.
-struct Cross<'a, P> {
-    profile: P,
-    signal_variance: f64,
-    z: &'a [f64],
-    m: usize,
-    stride: usize,
-    x: &'a [f64],
-    scales: &'a [f64],
-    covariance: &'a mut [f64],
-    slopes: &'a mut [f64],
-}
-
-impl<P: Profile> WithSimd for Cross<'_, P> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { profile, signal_variance, z, m, stride, x, scales, covariance, slopes } = self;
-        let scale = simd.splat_f64s(signal_variance);
-        let columns = covariance.chunks_exact_mut(stride).zip(slopes.chunks_exact_mut(stride));
-        for (x, (covariance, slopes)) in x.chunks_exact(scales.len()).zip(columns) {
-            {
-                let (k, _) = S::as_mut_simd_f64s(covariance);
-                let (h, _) = S::as_mut_simd_f64s(slopes);
-                for (v, (k, h)) in k.iter_mut().zip(h).enumerate() {
-                    let mut q = simd.splat_f64s(0.0);
-                    for ((row, x), scale) in z.chunks_exact(stride).zip(x).zip(scales) {
-                        let (row, _) = S::as_simd_f64s(row);
-                        let difference = simd.sub_f64s(row[v], simd.splat_f64s(x / scale));
-                        q = simd.mul_add_e_f64s(difference, difference, q);
-                    }
-                    let (value, slope) = profile.value_and_slope(simd, q);
-                    *k = simd.mul_f64s(value, scale);
-                    *h = simd.mul_f64s(slope, scale);
-                }
-            }
-            covariance[m..].fill(0.0);
-            slopes[m..].fill(0.0);
-        }
-    }
-}
-
-/// Adds columns of points to [`CrossSums`].
-struct CrossGradient<'a> {
-    stride: usize,
-    dims: usize,
-    /// `∂F/∂K_uf` without its outer product `weights residualsᵀ`.
-    by_cross: &'a [f64],
-    slopes: &'a [f64],
-    weights: &'a [f64],
-    residuals: &'a [f64],
-    x: &'a [f64],
-    scales: &'a [f64],
-    sums: &'a mut CrossSums,
-}
-
-impl WithSimd for CrossGradient<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { stride, dims, by_cross, slopes, weights, residuals, x, scales, sums } = self;
-        let (weights, _) = S::as_simd_f64s(weights);
-        let columns = by_cross.chunks_exact(stride).zip(slopes.chunks_exact(stride));
-        for ((x, residual), (by_cross, slopes)) in x.chunks_exact(dims).zip(residuals).zip(columns) {
-            let (g, _) = S::as_simd_f64s(by_cross);
-            let (h, _) = S::as_simd_f64s(slopes);
-            let (zeroth, _) = S::as_mut_simd_f64s(&mut sums.zeroth);
-            let residual = simd.splat_f64s(*residual);
-            let mut total = simd.splat_f64s(0.0);
-            for v in 0..g.len() {
-                let q = simd.mul_f64s(simd.mul_add_e_f64s(weights[v], residual, g[v]), h[v]);
-                zeroth[v] = simd.add_f64s(zeroth[v], q);
-                total = simd.add_f64s(total, q);
-                for d in 0..dims {
-                    let (first, _) = S::as_mut_simd_f64s(&mut sums.first[d * stride..(d + 1) * stride]);
-                    first[v] = simd.mul_add_e_f64s(q, simd.splat_f64s(x[d] / scales[d]), first[v]);
-                }
-            }
-            let total = simd.reduce_sum_f64s(total);
-            for d in 0..dims {
-                sums.second[d] += total * (x[d] / scales[d]).powi(2);
-            }
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Sparse regression: `M` inducing inputs stand for `N` points, `O(N M²)`.
 
 mod bound;
+mod cross;
 mod fit;
 mod saved;
 
