@@ -115,19 +115,6 @@ impl From<RobotName> for stridemap_lab::RobotChoice {
     }
 }
 
-/// A task and where its run goes.
-#[derive(Clone, Debug, Args)]
-pub struct NewRun {
-    /// A built-in task (stepping, walking, ...) or the path of a task file.
-    pub task: String,
-    /// Directory of the run. Default: runs/TASK-SEED.
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Options shared by most commands.
-    #[command(flatten)]
-    pub common: Common,
-}
-
 /// A learner by its name in task files, with - for _.
 fn learner() -> impl TypedValueParser<Value = LearnerKind> {
     let names = learners()

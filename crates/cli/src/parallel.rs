@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::failure::Failure;
+use crate::progress::SeedProgress;
 
 /// The seeds `first`, `first + 1`, ..., so many.
 pub fn seeds(first: u64, count: u64) -> Result<Vec<u64>, Failure> {
@@ -12,19 +13,27 @@ pub fn seeds(first: u64, count: u64) -> Result<Vec<u64>, Failure> {
     Ok((first..=last).collect())
 }
 
-/// Does `work` for each item on at most `threads` threads; results are in the order of the items,
-/// whatever the number of threads.
-pub fn over<T: Sync, R: Send>(
+/// Does `work` for each item on at most `threads` threads, and says of each what it `told` when it is done; results
+/// are in the order of the items, whatever the number of threads, and the first failure among them is returned.
+pub fn over<T: Sync, R: Send, E: Send>(
     items: &[T],
     threads: Option<usize>,
-    work: impl Fn(&T) -> R + Sync,
-) -> Result<Vec<R>, Failure> {
-    if threads == Some(0) {
-        return Err(Failure::request("--threads must be at least 1"));
-    }
+    told: impl Fn(&T, &Result<R, E>) -> String + Sync,
+    work: impl Fn(&T) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, Failure>
+where
+    Failure: From<E>,
+{
+    let progress = SeedProgress::new(items.len());
+    let one = |item: &T| {
+        let result = work(item);
+        progress.done(&told(item, &result));
+        result
+    };
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build()
         .map_err(|error| Failure::working(format!("cannot start threads: {error}")))?;
-    Ok(pool.install(|| items.par_iter().map(&work).collect()))
+    let results: Vec<Result<R, E>> = pool.install(|| items.par_iter().map(one).collect());
+    Ok(results.into_iter().collect::<Result<_, E>>()?)
 }

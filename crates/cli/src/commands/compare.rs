@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use stridemap_lab::{
-    CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, builtin, can_steer, compare_seed, learning_curves,
+    CompareSeed, PairedDifference, STRIDES_PER_POINT, Steered, Task, builtin, can_steer, compare_seed, learning_curves,
     paired_difference, steer,
 };
 use stridemap_learn::{Policy, SavedPolicy};
@@ -17,7 +17,6 @@ use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
-use crate::progress::SeedProgress;
 
 /// What `compare --json` prints.
 #[derive(Clone, Debug, Serialize)]
@@ -92,17 +91,22 @@ fn finding(trials: &[ComparePoint], arms: &[CompareSeed]) -> Finding {
     Finding { early_sd, late_mean, late_difference: difference(late.len()), last_difference: difference(1) }
 }
 
+/// A seed's task: the robot may be another individual of its kind.
+fn task_of(name: &str, common: &Common, seed: u64) -> Result<Task, Failure> {
+    Ok(on_robot(builtin::load(name, &common.sets)?, &Common { seed, ..common.clone() })?.task)
+}
+
+/// Where a comparison goes: as asked for, or `runs/compare-TASK-SEED`.
+pub fn compared_in(out: Option<&Path>, task: &Task, common: &Common) -> PathBuf {
+    out.map_or_else(|| Path::new("runs").join(format!("compare-{}-{}", task.name, common.seed)), Path::to_path_buf)
+}
+
 /// Runs both arms for several seeds in parallel.
 pub fn run_arms(name: &str, seeds: u64, common: &Common) -> Result<(Comparison, Vec<CompareSeed>), Failure> {
-    let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
+    let task = task_of(name, common, common.seed)?;
     let list = parallel::seeds(common.seed, seeds)?;
-    let progress = SeedProgress::new(list.len());
-    let arms = parallel::over(&list, common.threads, |&seed| {
-        let result = compare_seed(&task, seed);
-        progress.done(&format!("seed {seed}"));
-        result
-    })?;
-    let arms = arms.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let arms =
+        parallel::over(&list, common.threads, |seed, _| format!("seed {seed}"), |&seed| compare_seed(&task, seed))?;
     let trials = learning_curves(&arms);
     let comparison = Comparison {
         experiment: task.name.clone(),
@@ -147,26 +151,17 @@ pub fn fig9_data(arms: &[CompareSeed]) -> Fig9 {
 /// Runs the comparison, writes its figures, prints its table. `without_map` sets the learner beside
 /// controls that need no map, instead of beside learning on the robot.
 pub fn compare(name: &str, seeds: u64, without_map: bool, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
-    let task_of = |seed| -> Result<_, Failure> {
-        let common = Common { seed, ..common.clone() };
-        Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
-    };
+    let task_of = |seed| task_of(name, common, seed);
     let task = task_of(common.seed)?;
-    if let Some(dir) = out {
-        files::check_dir(dir)?;
-    }
     // On a robot that is known by its sensors alone there is no "full model" to learn on.
     if (without_map || task.robot.estimated) && can_steer(&task) {
-        return controls(name, seeds, out, common);
+        return controls(&task, &task_of, seeds, out, common);
     }
     if task.caution.is_some() {
         return super::learners::compare(&task_of, seeds, out, common);
     }
     let (comparison, arms) = run_arms(name, seeds, common)?;
-    let dir = out.map_or_else(
-        || PathBuf::from("runs").join(format!("compare-{}-{}", comparison.experiment, common.seed)),
-        Path::to_path_buf,
-    );
+    let dir = compared_in(out, &task, common);
     files::create_dir(&dir)?;
     files::write_json(&dir.join("compare.json"), &comparison)?;
     fig8(&fig8_data(&comparison))?.write(&dir)?;
@@ -256,20 +251,20 @@ struct Controls {
 }
 
 /// The learner beside the controls that need no map.
-fn controls(name: &str, seeds: u64, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+fn controls(
+    task: &Task,
+    task_of: &(dyn Fn(u64) -> Result<Task, Failure> + Sync),
+    seeds: u64,
+    out: Option<&Path>,
+    common: &Common,
+) -> Result<(), Failure> {
     let list = parallel::seeds(common.seed, seeds)?;
-    let progress = SeedProgress::new(list.len());
-    let task_of = |seed| -> Result<_, Failure> {
-        let common = Common { seed, ..common.clone() };
-        Ok(on_robot(builtin::load(name, &common.sets)?, &common)?.task)
-    };
-    let rows = parallel::over(&list, common.threads, |&seed| {
-        let result = task_of(seed).and_then(|task| Ok(steer(&task, seed)?));
-        progress.done(&format!("seed {seed}"));
-        result
-    })?;
-    let rows = rows.into_iter().collect::<Result<Vec<Vec<Steered>>, _>>()?;
-    let task = task_of(common.seed)?;
+    let rows = parallel::over(
+        &list,
+        common.threads,
+        |seed, _| format!("seed {seed}"),
+        |&seed| task_of(seed).and_then(|task| Ok(steer(&task, seed)?)),
+    )?;
     let mut names: Vec<&str> = Vec::new();
     for row in rows.iter().flatten() {
         if !names.contains(&row.name.as_str()) {

@@ -11,6 +11,7 @@ use stridemap_record::{
     IterationSummary, Performance, Summary,
     files::{self, lock},
 };
+use stridemap_report::figures::quartiles;
 
 use super::beside::Purpose;
 use super::linked::algorithm;
@@ -19,7 +20,7 @@ use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
-use crate::progress::{RunProgress, SeedProgress};
+use crate::progress::RunProgress;
 use crate::stop::stop_flag;
 
 /// Runs a task, once or for several seeds.
@@ -317,14 +318,7 @@ struct SeedsSummary {
 
 /// Median; NaN of nothing.
 pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let n = sorted.len();
-    match n {
-        0 => f64::NAN,
-        _ if n % 2 == 1 => sorted[n / 2],
-        _ => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
-    }
+    quartiles(values).map_or(f64::NAN, |quartiles| quartiles[1])
 }
 
 /// A directory of a batch over seeds.
@@ -355,22 +349,19 @@ fn over_seeds(
         }
     }
     let stop = stop_flag();
-    let progress = SeedProgress::new(seeds.len());
-    let results = parallel::over(&seeds, common.threads, |&seed| {
-        let common = Common { seed, ..common.clone() };
+    let told = |seed: &u64, made: &Result<Summary, Failure>| {
+        let came = match made.as_ref().map(|s| s.final_policy) {
+            Ok(Some(policy)) => RunProgress::measured(&policy.performance),
+            Ok(None) => "no policy".into(),
+            Err(failure) => failure.error().to_string(),
+        };
+        format!("seed {seed}: {came}")
+    };
+    let runs = parallel::over(&seeds, common.threads, told, |&seed| {
         let path = path_of(seed);
-        let result = start_or_go_on(name, loaded, &path, &common, &stop)
-            .and_then(|(summary, _)| super::report::draw(&path).map(|_| summary));
-        match &result {
-            Ok(s) => progress.done(&format!(
-                "seed {seed}: {}",
-                s.final_policy.map_or_else(|| "no policy".into(), |f| RunProgress::measured(&f.performance))
-            )),
-            Err(failure) => progress.done(&format!("seed {seed}: {}", failure.error())),
-        }
-        result
+        let (summary, _) = start_or_go_on(name, loaded, &path, &Common { seed, ..common.clone() }, &stop)?;
+        super::report::draw(&path).map(|_| summary)
     })?;
-    let runs = results.into_iter().collect::<Result<Vec<Summary>, Failure>>()?;
     let summary = sum_up(task, runs);
     let paths: Vec<PathBuf> = seeds.iter().map(|&seed| path_of(seed)).collect();
     let page = super::report::draw_seeds(&paths, &dir)?;

@@ -1,6 +1,6 @@
 //! `compare` on a task with a trust region: the task's learner beside the controls without a map.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 use stridemap_lab::{LearnerKind, LearnerRow, PairedDifference, Task, paired_difference, run_learner};
@@ -9,7 +9,6 @@ use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
-use crate::progress::SeedProgress;
 use stridemap_record::files;
 
 /// The task's learner less one control, paired by seed.
@@ -50,13 +49,12 @@ pub fn compare(
         .into_iter()
         .flat_map(|seed| kinds.iter().map(move |k| (*k, seed)))
         .collect();
-    let progress = SeedProgress::new(jobs.len());
-    let results = parallel::over(&jobs, common.threads, |&(kind, seed)| {
-        let result = task_of(seed).and_then(|task| Ok(run_learner(&task, kind, seed)?));
-        progress.done(&format!("{} seed {seed}", kind.name()));
-        result
-    })?;
-    let runs = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let runs = parallel::over(
+        &jobs,
+        common.threads,
+        |(kind, seed), _| format!("{} seed {seed}", kind.name()),
+        |&(kind, seed)| task_of(seed).and_then(|task| Ok(run_learner(&task, kind, seed)?)),
+    )?;
     let rows: Vec<LearnerRow> = kinds
         .iter()
         .map(|kind| {
@@ -76,10 +74,7 @@ pub fn compare(
         })
         .collect();
     let shown = Learners { experiment: task.name.clone(), seeds, rows: rows.clone(), differences };
-    let dir = out.map_or_else(
-        || PathBuf::from("runs").join(format!("compare-{}-{}", task.name, common.seed)),
-        Path::to_path_buf,
-    );
+    let dir = super::compare::compared_in(out, task, common);
     files::create_dir(&dir)?;
     files::write_json(&dir.join("compare.json"), &shown)?;
     files::write_whole(&dir.join("learners.csv"), curves(&rows).as_bytes())?;

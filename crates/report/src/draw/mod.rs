@@ -15,7 +15,9 @@ mod text;
 
 pub(crate) use axis::{Axis, Scale, extent};
 pub(crate) use contour::contour_lines;
-pub(crate) use panel::{Anchor, Dash, Key, Mark, Panel, line_svg, mark_svg, numbered, pairs, text_svg};
+pub(crate) use panel::{
+    Anchor, Dash, Key, Mark, Panel, cell_look, line_svg, mark_svg, numbered, pairs, path_data, rect_svg, text_svg,
+};
 pub(crate) use sheet::Sheet;
 pub(crate) use style::{page_variables, ramp_color};
 pub(crate) use text::{N, REGULAR, SEMI_BOLD, coord, escape, number, plain, plural, signed, times, width};

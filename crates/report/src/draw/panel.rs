@@ -85,6 +85,36 @@ pub(crate) fn numbered(values: &[f64]) -> Vec<(f64, f64)> {
     values.iter().enumerate().map(|(i, v)| (i as f64 + 1.0, *v)).collect()
 }
 
+/// The data of an SVG path through pixels; one that is not finite breaks it.
+pub(crate) fn path_data(points: impl IntoIterator<Item = [f64; 2]>) -> String {
+    let (mut d, mut pen) = (String::new(), 'M');
+    for [x, y] in points {
+        if x.is_finite() && y.is_finite() {
+            d += &format!("{pen}{} {}", coord(x), coord(y));
+            pen = 'L';
+        } else {
+            pen = 'M';
+        }
+    }
+    d
+}
+
+/// A rectangle as SVG: what it looks like, left and top, width and height.
+pub(crate) fn rect_svg(look: &str, [left, top]: [f64; 2], [width, height]: [f64; 2]) -> String {
+    let [x, y, w, h] = [left, top, width, height].map(coord);
+    format!("<rect {look} x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"/>")
+}
+
+/// The class that fills with the colour with which another one strokes, and how opaque it is.
+pub(crate) fn fill(class: &str, opacity: f64) -> String {
+    format!("class=\"{}\" fill-opacity=\"{}\"", class.replace('s', "f"), coord(opacity))
+}
+
+/// What a cell of a heat map looks like.
+pub(crate) fn cell_look(color: &str) -> String {
+    format!("fill=\"{color}\" shape-rendering=\"crispEdges\"")
+}
+
 /// A line of text as SVG at a pixel position, its subscripts set.
 pub(crate) fn text_svg(class: &str, x: f64, y: f64, size: f64, anchor: Anchor, text: &str) -> String {
     let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
@@ -101,37 +131,26 @@ pub(crate) fn text_svg(class: &str, x: f64, y: f64, size: f64, anchor: Anchor, t
 pub(crate) fn mark_svg(class: &str, mark: Mark, x: f64, y: f64, r: f64) -> String {
     let (cx, cy) = (coord(x), coord(y));
     let fill = class.replace('s', "f");
+    let circle = |class: &str, r: f64, more: &str| {
+        format!("<circle class=\"{class}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" {more}/>", coord(r))
+    };
+    // Corners by their distance from the middle, in radii.
+    let corner = |[dx, dy]: [f64; 2]| [x + dx * r, y + dy * r];
+    let shape = |corners: &[[f64; 2]], stroke: f64| {
+        let d = path_data(corners.iter().map(|c| corner(*c)));
+        format!("<path class=\"{fill} sbg\" stroke-width=\"{stroke}\" d=\"{d}Z\"/>")
+    };
     match mark {
-        Mark::Disc => {
-            format!("<circle class=\"{fill} sbg\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" stroke-width=\"1\"/>", coord(r))
+        Mark::Disc => circle(&format!("{fill} sbg"), r, "stroke-width=\"1\""),
+        Mark::Circle => circle(&format!("bg {class}"), r, "stroke-width=\"1.8\""),
+        Mark::Dot => circle(&fill, r * 0.8, "fill-opacity=\"0.55\""),
+        Mark::Diamond => shape(&[[-1.25, 0.0], [0.0, -1.25], [1.25, 0.0], [0.0, 1.25]], 1.0),
+        Mark::Triangle => shape(&[[-1.1, -1.0], [1.1, -1.0], [0.0, 1.0]], 0.8),
+        Mark::Cross => {
+            let strokes = [[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]];
+            let d = strokes.map(|stroke| path_data(stroke.map(corner))).concat();
+            line_svg(class, Dash::Solid, &d, 2.0)
         }
-        Mark::Circle => {
-            format!("<circle class=\"bg {class}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" stroke-width=\"1.8\"/>", coord(r))
-        }
-        Mark::Dot => {
-            format!("<circle class=\"{fill}\" cx=\"{cx}\" cy=\"{cy}\" r=\"{}\" fill-opacity=\"0.55\"/>", coord(r * 0.8))
-        }
-        Mark::Diamond => format!(
-            "<path class=\"{fill} sbg\" stroke-width=\"1\" d=\"M{} {cy}L{cx} {}L{} {cy}L{cx} {}Z\"/>",
-            coord(x - 1.25 * r),
-            coord(y - 1.25 * r),
-            coord(x + 1.25 * r),
-            coord(y + 1.25 * r)
-        ),
-        Mark::Triangle => format!(
-            "<path class=\"{fill} sbg\" stroke-width=\"0.8\" d=\"M{} {}H{}L{cx} {}Z\"/>",
-            coord(x - 1.1 * r),
-            coord(y - r),
-            coord(x + 1.1 * r),
-            coord(y + r)
-        ),
-        Mark::Cross => format!(
-            "<path class=\"l {class}\" stroke-width=\"2\" d=\"M{0} {1}L{2} {3}M{0} {3}L{2} {1}\"/>",
-            coord(x - r),
-            coord(y - r),
-            coord(x + r),
-            coord(y + r)
-        ),
     }
 }
 
@@ -182,18 +201,7 @@ impl Panel {
     }
 
     fn path(&self, points: &[(f64, f64)]) -> String {
-        let mut d = String::new();
-        let mut pen_up = true;
-        for &(x, y) in points {
-            if !(x.is_finite() && y.is_finite()) {
-                pen_up = true;
-                continue;
-            }
-            d.push(if pen_up { 'M' } else { 'L' });
-            d.push_str(&format!("{} {}", coord(self.px(x)), coord(self.py(y))));
-            pen_up = false;
-        }
-        d
+        path_data(points.iter().map(|&(x, y)| [self.px(x), self.py(y)]))
     }
 
     /// A line through points; a point that is not finite breaks it.
@@ -206,9 +214,7 @@ impl Panel {
     pub(crate) fn band(&mut self, x: &[f64], lo: &[f64], hi: &[f64], class: &str, opacity: f64) {
         let mut ring: Vec<(f64, f64)> = x.iter().copied().zip(hi.iter().copied()).collect();
         ring.extend(x.iter().copied().zip(lo.iter().copied()).rev());
-        let fill = class.replace('s', "f");
-        let d = self.path(&ring);
-        self.data.push_str(&format!("<path class=\"{fill}\" fill-opacity=\"{}\" d=\"{d}Z\"/>", coord(opacity)));
+        self.data += &format!("<path {} d=\"{}Z\"/>", fill(class, opacity), self.path(&ring));
     }
 
     /// Marks at points, clipped to the panel.
@@ -242,28 +248,14 @@ impl Panel {
     pub(crate) fn bar(&mut self, x: (f64, f64), y: (f64, f64), class: &str, opacity: f64) {
         let (l, r) = (self.px(x.0), self.px(x.1));
         let (a, b) = (self.py(y.0), self.py(y.1));
-        self.data.push_str(&format!(
-            "<rect class=\"{}\" fill-opacity=\"{}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
-            class.replace('s', "f"),
-            coord(opacity),
-            coord(l.min(r)),
-            coord(a.min(b)),
-            coord((r - l).abs()),
-            coord((a - b).abs())
-        ));
+        self.data += &rect_svg(&fill(class, opacity), [l.min(r), a.min(b)], [(r - l).abs(), (a - b).abs()]);
     }
 
     /// A cell of a heat map, a trifle enlarged so that no seam shows.
     pub(crate) fn cell(&mut self, x: (f64, f64), y: (f64, f64), color: &str) {
         let (l, r) = (self.px(x.0), self.px(x.1));
         let (b, t) = (self.py(y.0), self.py(y.1));
-        self.data.push_str(&format!(
-            "<rect fill=\"{color}\" shape-rendering=\"crispEdges\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>",
-            coord(l),
-            coord(t),
-            coord(r - l + 0.4),
-            coord(b - t + 0.4)
-        ));
+        self.data += &rect_svg(&cell_look(color), [l, t], [r - l + 0.4, b - t + 0.4]);
     }
 
     /// Short strokes along the bottom: where the data are.

@@ -1,7 +1,7 @@
 //! A figure's sheet: title, legend, rows of panels, caption.
 
 use super::axis::Axis;
-use super::panel::{Anchor, Key, Panel, line_svg, mark_svg, text_svg};
+use super::panel::{Anchor, Key, Panel, fill, line_svg, mark_svg, rect_svg, text_svg};
 use super::style::sheet_rules;
 use super::text::{coord, escape, plain, width, wrap};
 use crate::figure::{Figure, HoverPoint};
@@ -166,13 +166,7 @@ fn key_svg(key: Key, x: f64, y: f64) -> String {
     match key {
         Key::Line(class, dash) => line_svg(class, dash, &path, 2.2),
         Key::Mark(class, mark) => mark_svg(class, mark, x + 17.0, y, 4.2),
-        Key::Band(class, opacity) => format!(
-            "<rect class=\"{}\" fill-opacity=\"{}\" x=\"{}\" y=\"{}\" width=\"27\" height=\"11\"/>",
-            class.replace('s', "f"),
-            coord(opacity),
-            coord(x),
-            coord(y - 5.5)
-        ),
+        Key::Band(class, opacity) => rect_svg(&fill(class, opacity), [x, y - 5.5], [27.0, 11.0]),
         Key::Both(class, dash, mark) => {
             let mut svg = line_svg(class, dash, &path, 2.2);
             svg.push_str(&mark_svg(class, mark, x + 13.5, y, 4.2));

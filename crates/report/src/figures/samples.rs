@@ -10,7 +10,7 @@ use crate::figure::Figure;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SamplesPoint {
     /// Strides from which the map was learned.
-    pub samples: u32,
+    pub samples: usize,
     /// Root of the run's random streams.
     pub seed: u64,
     /// One-step prediction error: leave one out, root mean square over the spread of the data, the
@@ -21,12 +21,12 @@ pub struct SamplesPoint {
     /// Speed of the policy learned from them, m/s; `None` where no policy was proven.
     pub speed_m_s: Option<f64>,
     /// Falls while learning it.
-    pub falls: u32,
+    pub falls: usize,
 }
 
 /// Samples by their logarithm: what ten more are worth falls with their number.
-fn place(n: u32) -> f64 {
-    f64::from(n).log2()
+fn place(n: usize) -> f64 {
+    (n as f64).log2()
 }
 
 /// What is drawn of every point, and in which panel.
@@ -61,20 +61,20 @@ const SERIES: [Series; 3] = [
 
 impl Series {
     /// Median over the seeds; NaN of none.
-    fn median(&self, points: &[SamplesPoint], samples: u32) -> f64 {
+    fn median(&self, points: &[SamplesPoint], samples: usize) -> f64 {
         let own = points.iter().filter(|p| p.samples == samples).filter_map(self.value);
         quartiles(&own.collect::<Vec<_>>()).map_or(f64::NAN, |quartiles| quartiles[1])
     }
 
     /// Every seed a point, the medians a line.
-    fn draw(&self, p: &mut Panel, points: &[SamplesPoint], counts: &[u32]) {
+    fn draw(&self, p: &mut Panel, points: &[SamplesPoint], counts: &[usize]) {
         let medians: Vec<(f64, f64)> = counts.iter().map(|n| (place(*n), self.median(points, *n))).collect();
         p.line(&medians, self.class, self.dash, 2.2);
         let seeds: Vec<_> = points.iter().filter_map(|q| Some((q, (self.value)(q)?))).collect();
         let at: Vec<(f64, f64)> = seeds.iter().map(|(q, v)| (place(q.samples), *v)).collect();
         p.marks(&at, self.class, self.mark, if self.mark == Mark::Dot { 4.0 } else { 2.8 });
         for (q, v) in seeds {
-            let (name, samples, seed, falls) = (self.name, q.samples, q.seed, plural(q.falls as usize, "fall"));
+            let (name, samples, seed, falls) = (self.name, q.samples, q.seed, plural(q.falls, "fall"));
             p.hover(place(samples), v, format!("{name}, {samples} samples, seed {seed}: {:.3}, {falls}", N(v)));
         }
         p.key(self.name, Key::Both(self.class, self.dash, self.mark));
@@ -93,7 +93,7 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
         let values: Vec<f64> = points.iter().filter_map(series.value).collect();
         column(stem, series.name, &values, values.len())?;
     }
-    let mut counts: Vec<u32> = points.iter().map(|p| p.samples).collect();
+    let mut counts: Vec<usize> = points.iter().map(|p| p.samples).collect();
     counts.sort_unstable();
     counts.dedup();
     let (fewest, most) = (counts[0], counts[counts.len() - 1]);
@@ -109,12 +109,12 @@ pub fn samples(points: &[SamplesPoint]) -> Result<Figure> {
         SERIES.iter().filter(|s| s.panel == i).for_each(|s| s.draw(&mut p, points, &counts));
         sheet.add(p);
     }
-    let said = |n: &u32| {
+    let said = |n: &usize| {
         let [unseen, error, speed] = SERIES.each_ref().map(|s| N(s.median(points, *n)));
         format!("{n}: {error:#.2} and {unseen:#.2}, {speed:.3} m/s")
     };
     let said = counts.iter().map(said).collect::<Vec<_>>().join("; ");
-    let falls = plural(points.iter().map(|p| p.falls as usize).sum(), "fall");
+    let falls = plural(points.iter().map(|p| p.falls).sum(), "fall");
     let (seeds, runs) = (points.iter().filter(|p| p.samples == fewest).count(), points.len());
     let caption = format!(
         "Sec. 8.1 of the paper asks how many samples a map needs. Left: one-step prediction error of the map learned from so many \
@@ -144,7 +144,7 @@ mod tests {
             error,
             unseen_error: 1.0,
             speed_m_s,
-            falls: u32::from(seed == 2),
+            falls: usize::from(seed == 2),
         };
         let points = [
             point(20, 1, 0.8, Some(0.1)),

@@ -3,7 +3,8 @@
 use super::map::{MapOf, Plane};
 use super::names::{label, quantity};
 use crate::draw::{
-    Anchor, Axis, Dash, Key, Mark, N, Sheet, coord, extent, line_svg, mark_svg, number, plain, ramp_color, text_svg,
+    Anchor, Axis, Dash, Key, Mark, N, Sheet, cell_look, extent, line_svg, mark_svg, number, path_data, plain,
+    ramp_color, rect_svg, text_svg,
 };
 use crate::error::Result;
 use crate::figure::{Figure, HoverPoint};
@@ -46,13 +47,7 @@ impl Camera {
     }
 
     fn path(&self, points: impl IntoIterator<Item = [f64; 3]>) -> String {
-        let mut d = String::new();
-        for p in points {
-            let [x, y] = self.see(p).0;
-            let pen = if d.is_empty() { 'M' } else { 'L' };
-            d.push_str(&format!("{pen}{} {}", coord(x), coord(y)));
-        }
-        d
+        path_data(points.into_iter().map(|p| self.see(p).0))
     }
 
     fn ends(&self, axis: usize) -> [f64; 2] {
@@ -281,17 +276,11 @@ fn color_bar([left, top]: [f64; 2], [lo, hi]: [f64; 2], name: &str) -> String {
     const WIDTH: f64 = 240.0;
     const STEPS: u32 = 60;
     let wide = WIDTH / f64::from(STEPS);
-    let mut svg: String = (0..STEPS)
-        .map(|i| {
-            format!(
-                "<rect fill=\"{}\" shape-rendering=\"crispEdges\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"9\"/>",
-                ramp_color((f64::from(i) + 0.5) / f64::from(STEPS)),
-                coord(left + wide * f64::from(i)),
-                coord(top + 8.0),
-                coord(wide + 0.4)
-            )
-        })
-        .collect();
+    let cell = |i: f64| {
+        let look = cell_look(&ramp_color((i + 0.5) / f64::from(STEPS)));
+        rect_svg(&look, [left + wide * i, top + 8.0], [wide + 0.4, 9.0])
+    };
+    let mut svg: String = (0..STEPS).map(|i| cell(f64::from(i))).collect();
     let mut note = |x: f64, y: f64, anchor: Anchor, class: &str, text: &str| {
         svg += &text_svg(class, x, y, TICK, anchor, text);
     };

@@ -11,7 +11,6 @@ use crate::args::Common;
 use crate::commands::learn::start_or_go_on;
 use crate::failure::Failure;
 use crate::parallel;
-use crate::progress::SeedProgress;
 use crate::stop::stop_flag;
 
 /// Where runs are, of which seeds, and how they are made.
@@ -55,13 +54,14 @@ impl<'a> Runs<'a> {
         let seeds = parallel::seeds(self.common.seed, self.seeds)?;
         let jobs: Vec<(usize, u64)> =
             (0..tasks.len()).flat_map(|task| seeds.iter().map(move |seed| (task, *seed))).collect();
-        let progress = SeedProgress::new(jobs.len());
-        let summaries = parallel::over(&jobs, self.common.threads, |&(task, seed)| {
-            let (summary, how) = self.one(tasks[task], &loaded[task], seed)?;
-            progress.done(&format!("{}, seed {seed}: {how}", tasks[task]));
-            Ok(summary)
+        let told = |(task, seed): &(usize, u64), made: &Result<(Summary, &str), Failure>| {
+            let how = made.as_ref().map_or("failed", |(_, how)| how);
+            format!("{}, seed {seed}: {how}", tasks[*task])
+        };
+        let made = parallel::over(&jobs, self.common.threads, told, |&(task, seed)| {
+            self.one(tasks[task], &loaded[task], seed)
         })?;
-        let mut summaries = summaries.into_iter().collect::<Result<Vec<Summary>, Failure>>()?.into_iter();
+        let mut summaries = made.into_iter().map(|(summary, _)| summary);
         tasks
             .iter()
             .map(|name| {

@@ -12,7 +12,6 @@ use crate::commands::learn::median;
 use crate::failure::Failure;
 use crate::output;
 use crate::parallel;
-use crate::progress::SeedProgress;
 
 /// Numbers of samples.
 const SAMPLES: [usize; 5] = [20, 40, 70, 100, 200];
@@ -41,7 +40,7 @@ pub struct Row {
 pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Failure> {
     let task = builtin::load("walking", &common.sets)?.task;
     let list = parallel::seeds(common.seed, seeds)?;
-    let unseen = parallel::over(&list, common.threads, |&seed| {
+    let explore = |&seed: &u64| -> Result<Vec<Transition>, LabError> {
         let mut task = task.clone();
         task.collect.strides = vec![UNSEEN];
         task.record.pose_seconds = 0.0;
@@ -49,8 +48,8 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
         let mut algorithm = algorithm.however_often_it_falls();
         algorithm.collect(&mut NoRecorder)?;
         Ok(algorithm.progress.transitions)
-    })?;
-    let unseen = unseen.into_iter().collect::<Result<Vec<Vec<Transition>>, LabError>>()?;
+    };
+    let unseen = parallel::over(&list, common.threads, |seed, _| format!("exploration of seed {seed}"), explore)?;
     let jobs: Vec<(usize, u64, &[Transition])> = SAMPLES
         .iter()
         .flat_map(|n| {
@@ -58,35 +57,28 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
             seeds.map(move |(seed, unseen)| (*n, *seed, unseen.as_slice()))
         })
         .collect();
-    let progress = SeedProgress::new(jobs.len());
-    let results = parallel::over(&jobs, common.threads, |&(n, seed, unseen)| {
+    let learn = |&(n, seed, unseen): &(usize, u64, &[Transition])| -> Result<SamplesPoint, LabError> {
         let mut task = task.clone();
         task.collect.strides = vec![n, 0];
         task.algorithm.iterations = 1;
         task.algorithm.strides_at_most = Some(n + PROOF);
         task.record.pose_seconds = 0.0;
-        let run = || -> Result<SamplesPoint, LabError> {
-            let mut algorithm = Algorithm::new(&task, seed)?.however_often_it_falls();
-            algorithm.learn(&mut NoRecorder)?;
-            let strides = &algorithm.progress.transitions;
-            let collected = &strides[..n.min(strides.len())];
-            let map = fit_map(&task, collected, &InPlace::default(), seed, 1)?;
-            let summary = algorithm.progress.summary(&task, seed);
-            let falls: usize = summary.iterations.iter().map(|i| i.falls).sum();
-            Ok(SamplesPoint {
-                samples: u32::try_from(n).unwrap_or(u32::MAX),
-                seed,
-                error: one_step_error(&map)?,
-                unseen_error: unseen_error(&map, unseen)?,
-                speed_m_s: summary.final_policy.and_then(|p| p.speed_m_s),
-                falls: u32::try_from(falls).unwrap_or(u32::MAX),
-            })
-        };
-        let result = run();
-        progress.done(&format!("{n} samples, seed {seed}"));
-        result
-    })?;
-    let points = results.into_iter().collect::<Result<Vec<_>, LabError>>()?;
+        let mut algorithm = Algorithm::new(&task, seed)?.however_often_it_falls();
+        algorithm.learn(&mut NoRecorder)?;
+        let strides = &algorithm.progress.transitions;
+        let map = fit_map(&task, &strides[..n.min(strides.len())], &InPlace::default(), seed, 1)?;
+        let summary = algorithm.progress.summary(&task, seed);
+        Ok(SamplesPoint {
+            samples: n,
+            seed,
+            error: one_step_error(&map)?,
+            unseen_error: unseen_error(&map, unseen)?,
+            speed_m_s: summary.final_policy.and_then(|p| p.speed_m_s),
+            falls: summary.iterations.iter().map(|i| i.falls).sum(),
+        })
+    };
+    let told = |(n, seed, _): &(usize, u64, &[Transition]), _: &_| format!("{n} samples, seed {seed}");
+    let points = parallel::over(&jobs, common.threads, told, learn)?;
     files::create_dir(out)?;
     draw(&points)?.write(out)?;
     let extent = |values: &[f64]| {
@@ -95,7 +87,7 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
     Ok(SAMPLES
         .iter()
         .map(|n| {
-            let own: Vec<_> = points.iter().filter(|p| p.samples as usize == *n).collect();
+            let own: Vec<_> = points.iter().filter(|p| p.samples == *n).collect();
             let errors: Vec<f64> = own.iter().map(|p| p.error).collect();
             let unseen: Vec<f64> = own.iter().map(|p| p.unseen_error).collect();
             let speeds: Vec<f64> = own.iter().filter_map(|p| p.speed_m_s).collect();
@@ -110,7 +102,7 @@ pub fn samples(out: &Path, seeds: u64, common: &Common) -> Result<Vec<Row>, Fail
                 median_speed_m_s: median(&speeds),
                 worst_speed_m_s,
                 best_speed_m_s,
-                falls: own.iter().map(|p| p.falls as usize).sum(),
+                falls: own.iter().map(|p| p.falls).sum(),
                 seeds: own.len(),
             }
         })

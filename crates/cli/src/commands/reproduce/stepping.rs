@@ -18,7 +18,6 @@ use crate::commands::learn::median;
 use crate::commands::learners::interval;
 use crate::failure::Failure;
 use crate::parallel;
-use crate::progress::SeedProgress;
 
 /// The paper's pushes \[MA09, sec. 6.1\].
 const PUSHES: PushConfig = PushConfig { force_n: 40.0, duration_s: 0.2, strides: 160 };
@@ -88,8 +87,8 @@ struct Pushed {
 fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> {
     let task = builtin::load("stepping", &common.sets)?.task;
     let list = parallel::seeds(common.seed, seeds)?;
-    let progress = SeedProgress::new(list.len());
-    let results = parallel::over(&list, common.threads, |&seed| -> Result<Pushed, LabError> {
+    let work = |seed: &u64| -> Result<Pushed, LabError> {
+        let seed = *seed;
         let mut algorithm = Algorithm::new(&task, seed)?;
         algorithm.learn(&mut stridemap_lab::NoRecorder)?;
         let no_policy = || LabError::TooFewStrides { found: 0, needed: 1 };
@@ -103,10 +102,9 @@ fn pushed_policies(seeds: u64, common: &Common) -> Result<Vec<Pushed>, Failure> 
         let plant = algorithm.plant_mut();
         let nominal = push(plant, &nominal_policy, PUSHES, seed, &mut |_| Ok(()))?;
         let learned = push(plant, &policy, PUSHES, seed, &mut |_| Ok(()))?;
-        progress.done(&format!("seed {seed}"));
         Ok(Pushed { nominal, learned, nominal_performance, final_performance, strides, target_deg: task.target_deg() })
-    })?;
-    Ok(results.into_iter().collect::<Result<Vec<_>, _>>()?)
+    };
+    parallel::over(&list, common.threads, |seed, _| format!("seed {seed}"), work)
 }
 
 fn rows_of_comparison(c: &Comparison) -> Vec<Row> {

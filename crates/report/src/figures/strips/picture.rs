@@ -2,7 +2,7 @@
 
 use super::silhouette::{Silhouette, Tone, View};
 use super::{Shot, Strip};
-use crate::draw::{Anchor, Sheet, coord, number, signed, text_svg, width};
+use crate::draw::{Anchor, N, Sheet, coord, number, path_data, text_svg, width};
 use crate::figure::HoverPoint;
 
 /// Size of small text, px.
@@ -81,23 +81,10 @@ pub(super) fn picture(
     let x = |along_m: f64, lane: f64| left + stage.right_px(along_m, lane);
     let y = |up_m: f64, lane: f64| floor - stage.up_px(up_m, lane);
     let (front, back) = (-0.5, stage.moments as f64 - 0.5);
-    let across = |along_m: f64| {
-        format!(
-            "M{} {}L{} {}",
-            coord(x(along_m, front)),
-            coord(y(0.0, front)),
-            coord(x(along_m, back)),
-            coord(y(0.0, back))
-        )
-    };
-    let mut svg = format!(
-        "<path class=\"floor\" d=\"{}L{} {}L{} {}Z\"/>",
-        across(stage.near_m),
-        coord(x(stage.far_m, back)),
-        coord(y(0.0, back)),
-        coord(x(stage.far_m, front)),
-        coord(y(0.0, front))
-    );
+    let end = |along_m: f64, lane: f64| [x(along_m, lane), y(0.0, lane)];
+    let across = |along_m: f64| path_data([end(along_m, front), end(along_m, back)]);
+    let floor_of = [(stage.near_m, front), (stage.near_m, back), (stage.far_m, back), (stage.far_m, front)];
+    let mut svg = format!("<path class=\"floor\" d=\"{}Z\"/>", path_data(floor_of.map(|(m, lane)| end(m, lane))));
     // The ruler, and the start.
     let step = stage.ruler_m();
     let first = (stage.near_m / step).ceil() as i64;
@@ -134,32 +121,26 @@ pub(super) fn picture(
     for (i, silhouette) in row.iter().enumerate().rev() {
         let lane = i as f64;
         let along = silhouette.along_m(view);
-        svg.push_str(&format!(
+        svg += &format!(
             "<path class=\"l s1\" stroke-width=\"2\" stroke-opacity=\"0.6\" d=\"M{} {}H{}\"/>",
             coord(x(0.0, lane)),
             coord(y(0.0, lane)),
             coord(x(along, lane))
-        ));
-        svg.push_str(&robot(silhouette, &|u| x(u, lane), &|v| y(v, lane)));
-        let over = y(silhouette.extent_m(1)[1], lane);
-        let middle = x(along, lane);
-        let time = format!("{} s", number(silhouette.time_s, 3));
+        );
+        svg += &robot(silhouette, &|u| x(u, lane), &|v| y(v, lane));
+        let (middle, over) = (x(along, lane), y(silhouette.extent_m(1)[1], lane));
+        let (name, [ahead, left]) = (&strip.name, silhouette.way_m.map(N));
+        let time = format!("{:#.3} s", N(silhouette.time_s));
         if view == View::Side {
-            svg.push_str(&text(middle, over - 20.0, Anchor::Middle, "pnl", &time));
-            let way = format!("{} m", signed(silhouette.way_m[0], 2));
-            svg.push_str(&text(middle, over - 7.0, Anchor::Middle, "mut", &way));
+            svg += &text(middle, over - 20.0, Anchor::Middle, "pnl", &time);
+            svg += &text(middle, over - 7.0, Anchor::Middle, "mut", &format!("{ahead:.2} m"));
         } else {
-            svg.push_str(&text(middle, over - 7.0, Anchor::Middle, "pnl", &time));
+            svg += &text(middle, over - 7.0, Anchor::Middle, "pnl", &time);
         }
         hover.push(HoverPoint {
             x: middle,
             y: y(0.5 * stage.height_m, lane),
-            text: format!(
-                "{}, {time}: {} m ahead, {} m to the left",
-                strip.name,
-                signed(silhouette.way_m[0], 2),
-                signed(silhouette.way_m[1], 2)
-            ),
+            text: format!("{name}, {time}: {ahead:.2} m ahead, {left:.2} m to the left"),
         });
     }
     hover.reverse();
@@ -197,13 +178,7 @@ fn robot(seen: &Silhouette, x: &dyn Fn(f64) -> f64, y: &dyn Fn(f64) -> f64) -> S
             Tone::Middle => "trunk",
             Tone::Near => "near",
         };
-        let points = piece.outline_m.iter().enumerate();
-        let d: String = points
-            .map(|(i, p)| {
-                let pen = if i == 0 { 'M' } else { 'L' };
-                format!("{pen}{} {}", coord(x(p[0])), coord(y(p[1])))
-            })
-            .collect();
+        let d = path_data(piece.outline_m.iter().map(|p| [x(p[0]), y(p[1])]));
         svg.push_str(&format!(
             "<path class=\"{class} sbg\" stroke-width=\"0.7\" stroke-linejoin=\"round\" d=\"{d}Z\"/>"
         ));
