@@ -1,13 +1,16 @@
 //! An MCAP file, read as far as it goes: what is damaged or cut off is left out, and told.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use lz4_flex::frame::FrameDecoder;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
+use ruzstd::decoding::StreamingDecoder;
 
 use crate::error::LinkError;
 
@@ -185,6 +188,43 @@ fn number(bytes: &[u8]) -> Option<u64> {
     Some(u64::from_le_bytes(bytes.get(..8)?.try_into().ok()?))
 }
 
+/// A chunk's record with its records unpacked; of one that is not `whole`, as far as they can be.
+fn unpacked(record: &[u8], whole: bool) -> Result<Cow<'_, [u8]>, String> {
+    // Opcode, length; times, size, checksum; the packing's name and the packed records, each after its length.
+    const NAME: usize = HEAD as usize + 28;
+    let cut = || "cannot be read: it is too short".to_owned();
+    let name_length = record.get(NAME..NAME + 4).and_then(|b| Some(u32::from_le_bytes(b.try_into().ok()?)));
+    let name_end = name_length.and_then(|n| (NAME + 4).checked_add(n as usize)).ok_or_else(cut)?;
+    let name = record.get(NAME + 4..name_end).ok_or_else(cut)?;
+    let packed = record.get(name_end + 8..).ok_or_else(cut)?;
+    let most = record.get(HEAD as usize + 16..).and_then(number).unwrap_or(0).min(MOST_BYTES);
+    let mut records = Vec::new();
+    let read = match name {
+        b"" => return Ok(record.into()),
+        b"zstd" => match StreamingDecoder::new(packed) {
+            Ok(decoder) => decoder.take(most).read_to_end(&mut records).map_err(|e| e.to_string()),
+            Err(error) => Err(error.to_string()),
+        },
+        b"lz4" => FrameDecoder::new(packed).take(most).read_to_end(&mut records).map_err(|e| e.to_string()),
+        other => {
+            let other = String::from_utf8_lossy(other);
+            return Err(format!("is compressed with {other:?}; zstd and lz4 can be read"));
+        }
+    };
+    if let (Err(error), true) = (read, whole) {
+        return Err(format!("cannot be read: {error}"));
+    }
+    // The same chunk, packed by nobody: no name, and of one that was cut off the size that is there.
+    let length = (28 + 4 + 8 + records.len()) as u64;
+    let there = (records.len() as u64).to_le_bytes();
+    let mut head = record[..NAME].to_vec();
+    head[1..HEAD as usize].copy_from_slice(&length.to_le_bytes());
+    if !whole {
+        head[HEAD as usize + 16..HEAD as usize + 24].copy_from_slice(&there);
+    }
+    Ok([&head[..], &[0; 4], &there, &records].concat().into())
+}
+
 struct Contents<'v> {
     visit: &'v mut dyn FnMut(&Raw<'_>),
     schemas: BTreeMap<u16, String>,
@@ -276,6 +316,20 @@ impl Contents<'_> {
     /// The records of a chunk. A whole one is checked before any of it is believed; of one that was cut off there
     /// is nothing to check it by.
     fn chunk(&mut self, at: u64, record: &[u8], whole: bool) {
+        let mut taken = 0_u64;
+        let read = unpacked(record, whole).and_then(|record| self.records_of(&record, whole, &mut taken));
+        if let Err(why) = read
+            && whole
+        {
+            let length = record.len();
+            self.damage(format!(
+                "is damaged: the chunk at byte {at} ({length} bytes) {why}; it is left out after its first {taken} records"
+            ));
+        }
+    }
+
+    /// The records of a chunk that is not packed, and how many were taken.
+    fn records_of(&mut self, record: &[u8], whole: bool, taken: &mut u64) -> Result<(), String> {
         let mut options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
@@ -283,7 +337,6 @@ impl Contents<'_> {
         options.prevalidate_chunk_crcs = whole;
         let mut reader = LinearReader::new_with_options(options);
         let mut rest = record;
-        let mut taken = 0_u64;
         while let Some(event) = reader.next_event() {
             match event {
                 Ok(LinearReadEvent::ReadRequest(wanted)) => {
@@ -293,26 +346,14 @@ impl Contents<'_> {
                     rest = later;
                 }
                 Ok(LinearReadEvent::Record { data, opcode }) => {
-                    taken += 1;
+                    *taken += 1;
                     self.record(opcode, data);
                 }
-                Err(_) if !whole => return,
-                Err(error) => {
-                    let why = match error {
-                        McapError::UnsupportedCompression(name) => {
-                            format!("is compressed with {name:?}; zstd and lz4 can be read")
-                        }
-                        McapError::BadChunkCrc { .. } => "does not match its checksum".into(),
-                        other => format!("cannot be read: {other}"),
-                    };
-                    let length = record.len();
-                    return self.damage(format!(
-                        "is damaged: the chunk at byte {at} ({length} bytes) {why}; it is left out after its first \
-                         {taken} records"
-                    ));
-                }
+                Err(McapError::BadChunkCrc { .. }) => return Err("does not match its checksum".into()),
+                Err(other) => return Err(format!("cannot be read: {other}")),
             }
         }
+        Ok(())
     }
 
     fn record(&mut self, opcode: u8, data: &[u8]) {
