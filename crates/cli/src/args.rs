@@ -319,6 +319,21 @@ pub enum Command {
         #[command(flatten)]
         common: Common,
     },
+    /// Runs one recorded episode of a simulated run again, alone: the same rows, to the byte, and its motion.
+    /// Without --episode: lists the episodes of a run.
+    Replay {
+        /// A run directory.
+        run: PathBuf,
+        /// The episode, as the list numbers them.
+        #[arg(long)]
+        episode: Option<usize>,
+        /// Where episode-N.csv and poses/episode-N.json go. Default: into the run.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+    },
     /// What a walking run's data and map are worth: held-out residuals with and without the last action,
     /// and the flip multiplier of the map beside the robot's own.
     Analyse {
@@ -396,7 +411,7 @@ pub enum Command {
         /// Of which kind.
         #[arg(value_enum)]
         kind: PartKind,
-        /// Prints one JSON document.
+        /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,
     },

@@ -59,6 +59,7 @@ fn check_out(command: &Command) -> Result<(), Failure> {
         Command::Learn { out: Some(dir), .. }
         | Command::Collect { out: Some(dir), .. }
         | Command::Push { out: Some(dir), .. }
+        | Command::Replay { out: Some(dir), .. }
         | Command::Compare { out: Some(dir), .. }
         | Command::Reproduce { out: Some(dir), .. } => files::check_dir(dir)?,
         _ => {}
@@ -96,6 +97,7 @@ fn run(command: Command) -> Result<(), Failure> {
             let of = |mass_kg| stridemap_lab::PushConfig::of(force, mass_kg, duration, strides);
             commands::apply::push(&run, &of, nominal, out.as_deref(), &common)
         }
+        Command::Replay { run, episode, out, json } => commands::replay::replay(&run, episode, out.as_deref(), json),
         Command::Analyse { run, common } => commands::apply::analyse(&run, &common),
         Command::Compare { task, seeds, controls, out, common } => {
             commands::compare::compare(&task, seeds, controls, out.as_deref(), &common)

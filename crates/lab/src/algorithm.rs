@@ -9,6 +9,7 @@
 //! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
+use std::cell::Cell;
 use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
@@ -81,6 +82,15 @@ pub trait Recorder {
     ///
     /// [`LabError`] if it cannot be kept, or the user asked to stop; the run then stops.
     fn stride(&mut self, transition: &Transition, what: Option<&str>) -> Result<(), LabError>;
+
+    /// An episode begins with the next stride, from a generator of this stream that has given so many words.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::stride`].
+    fn episode(&mut self, _began_at: (u64, u64), _what: Option<&str>) -> Result<(), LabError> {
+        Ok(())
+    }
 
     /// A map was fitted.
     ///
@@ -325,7 +335,14 @@ impl<'a> Algorithm<'a> {
         let counted = falls.filter(|f| self.task.counts_falls_in(f.phase)).count();
         let left = self.task.algorithm.falls_at_most.saturating_sub(counted);
         self.plant.allow_falls(limited.then_some(left));
-        let made = drive(&mut self.plant, actor, batch, rng, &mut |_, _| {}, &mut |t| recorder.stride(t, what));
+        let began_at = Cell::new((0, 0));
+        let made =
+            drive(&mut self.plant, actor, batch, rng, &mut |plant, _| began_at.set(plant.began_at()), &mut |t| {
+                if t.k == 0 {
+                    recorder.episode(began_at.get(), what)?;
+                }
+                recorder.stride(t, what)
+            });
         self.plant.allow_falls(None);
         self.progress.seconds.simulation += started.elapsed().as_secs_f64();
         self.note_falls(batch, what, before.strides);

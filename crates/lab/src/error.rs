@@ -138,6 +138,14 @@ pub enum LabError {
         /// Whether a stride was made.
         begun: bool,
     },
+    /// An episode that was run again came out otherwise.
+    #[error("{path}: {problem}")]
+    NotTheSame {
+        /// The run directory.
+        path: PathBuf,
+        /// What differs.
+        problem: String,
+    },
     /// A directory holds a run already, or is not one.
     #[error("{path}: {problem}")]
     RunDirectory {

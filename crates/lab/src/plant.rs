@@ -132,6 +132,8 @@ pub struct Plant {
     recalled: VecDeque<Transition>,
     falls: Vec<(Option<usize>, Fall)>,
     falls_at_most: Option<usize>,
+    /// Stream and word of the generator before the last reset.
+    began_at: (u64, u64),
 }
 
 /// How running to the next section went.
@@ -184,6 +186,7 @@ impl Plant {
             recalled: VecDeque::new(),
             falls: Vec::new(),
             falls_at_most: None,
+            began_at: (0, 0),
         })
     }
 
@@ -291,6 +294,12 @@ impl Plant {
             true_psi_roll_deg: self.true_psi_roll_deg,
             true_forward_m: self.true_forward_m(),
         }
+    }
+
+    /// Stream and word of the random generator before the last reset: with them the episode can be run again alone.
+    #[must_use]
+    pub const fn began_at(&self) -> (u64, u64) {
+        self.began_at
     }
 
     /// The leg that the robot stands on.
@@ -489,6 +498,7 @@ impl StrideProcess for Plant {
 
     fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         self.at_section = false;
+        self.began_at = (rng.get_stream(), u64::try_from(rng.get_word_pos()).unwrap_or(u64::MAX));
         let mut attempts = 0;
         loop {
             attempts += 1;

@@ -46,6 +46,11 @@ impl Filming {
 pub(crate) struct Takes(Vec<(Pace, Recording)>);
 
 impl Takes {
+    /// The film among them.
+    pub(crate) fn film(self) -> Option<Recording> {
+        self.0.into_iter().find(|(pace, _)| *pace == Pace::Film).map(|(_, recording)| recording)
+    }
+
     /// Hands them out. A time lapse begins with the first of `strides`.
     pub(crate) fn keep(self, what: &str, strides: &[Transition], recorder: &mut dyn Recorder) -> Result<(), LabError> {
         for (pace, mut recording) in self.0 {

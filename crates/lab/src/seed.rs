@@ -34,6 +34,19 @@ pub enum Role {
     RobotSearch = 10,
 }
 
+/// A generator in a state that it was in before.
+///
+/// # Arguments
+///
+/// - `stream`, `word` – what [`ChaCha8Rng::get_stream`] and [`ChaCha8Rng::get_word_pos`] said then.
+#[must_use]
+pub fn resumed(root: u64, stream: u64, word: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(root);
+    rng.set_stream(stream);
+    rng.set_word_pos(u128::from(word));
+    rng
+}
+
 /// The random stream of one episode in one role.
 ///
 /// `root` is the experiment's single seed. Streams of different `(role, episode)` are disjoint.

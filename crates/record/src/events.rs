@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::RecordError;
@@ -15,6 +16,31 @@ pub const EVENTS_HEADER: &str = r#"{"format":1}"#;
 
 /// The name of the event of a fall in a start on a robot behind a link, which no table of strides has.
 pub const FELL_IN_START: &str = "fell_in_start";
+
+/// The name of the event of an episode's first stride: an [`EpisodeStart`].
+pub const EPISODE_BEGUN: &str = "episode";
+
+/// Where the rows of an episode begin, and the state of the random generator before the reset that began it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EpisodeStart {
+    /// `transitions.csv` or `record.csv`.
+    pub log: String,
+    /// Row of its first stride, from 0.
+    pub row: usize,
+    /// The policy that is measured, in `record.csv`.
+    pub what: Option<String>,
+    /// Stream of the run's generator.
+    pub stream: u64,
+    /// 32-bit words drawn from it.
+    pub word: u64,
+}
+
+/// The episodes that a run began, oldest first; a phase that was made anew after a crash is in it twice.
+#[must_use]
+pub fn episode_starts(run: &Path) -> Vec<EpisodeStart> {
+    let begun = events(run).into_iter().filter(|event| event["event"] == EPISODE_BEGUN);
+    begun.filter_map(|event| serde_json::from_value(event).ok()).collect()
+}
 
 /// The line of an event that happens now.
 #[must_use]

@@ -39,7 +39,10 @@ mod table;
 
 pub use columns::Columns;
 pub use error::RecordError;
-pub use events::{EVENTS, EVENTS_HEADER, FELL_IN_START, Stop, append_event, event_line, falls_in_starts};
+pub use events::{
+    EPISODE_BEGUN, EVENTS, EVENTS_HEADER, EpisodeStart, FELL_IN_START, Stop, append_event, episode_starts, event_line,
+    falls_in_starts,
+};
 pub use iteration::{Checkpoint, GuardWarning, InPlace, Iteration, Phase, Proof, Region, Seconds, Verdict, Warning};
 pub use learning::{LearningRow, World};
 pub use measured::{ComparePoint, Measured, Performance, Spread, Walk, WalkTimes};

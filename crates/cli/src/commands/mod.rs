@@ -10,6 +10,7 @@ pub mod learners;
 pub mod linked;
 pub mod list;
 pub mod process;
+pub mod replay;
 pub mod report;
 pub mod reproduce;
 pub mod robot;

@@ -8,8 +8,9 @@ use stridemap_files::Lock;
 use stridemap_learn::{SavedPolicy, TrialSummary};
 use stridemap_map::LearnedMap;
 use stridemap_record::{
-    Checkpoint, Columns, EVENTS, EVENTS_HEADER, FORMAT, LearningRow, Pace, Phase, Provenance, RecordError, Recording,
-    RobotFall, StridePhase, Summary, Transition, World, event_line, falls_in_starts,
+    Checkpoint, Columns, EPISODE_BEGUN, EVENTS, EVENTS_HEADER, EpisodeStart, FORMAT, LearningRow, Pace, Phase,
+    Provenance, RecordError, Recording, RobotFall, StridePhase, Summary, Transition, World, event_line,
+    falls_in_starts,
     files::{Keep, Log, check_dir, create_dir, read_json, write_json, write_whole},
     files::{lock, sweep, write_json_line},
     grid,
@@ -279,6 +280,16 @@ impl Recorder for RunDirectory {
         self.unfinished.push(transition.clone());
         self.watcher.stride(transition, what);
         self.check_stop()
+    }
+
+    fn episode(&mut self, (stream, word): (u64, u64), what: Option<&str>) -> Result<(), LabError> {
+        let (log, rows) = match what {
+            Some(_) => ("record.csv", self.record.rows()),
+            None => ("transitions.csv", self.transitions.rows()),
+        };
+        let start = EpisodeStart { log: log.into(), row: rows, what: what.map(Into::into), stream, word };
+        let start = serde_json::to_value(start).map_err(|e| RecordError::content(EVENTS, None, e.to_string()))?;
+        self.event(EPISODE_BEGUN, start)
     }
 
     fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError> {

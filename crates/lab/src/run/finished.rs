@@ -77,6 +77,8 @@ pub struct FinishedRun {
     pub provenance: Provenance,
     /// What it achieved.
     pub progress: Progress,
+    /// Rows of `transitions.csv` and of `record.csv` that are part of it.
+    pub rows: [usize; 2],
     /// The seed by which it achieved that, where its checkpoint says it.
     checkpoint_seed: Option<u64>,
 }
@@ -116,8 +118,8 @@ impl FinishedRun {
         let mut task = crate::builtin::load_file(&config, sets)?.task;
         let provenance: Provenance = read_json(&path.join("provenance.json"))?;
         use_copy(path, &mut task, &provenance)?;
-        let (progress, _, checkpoint_seed) = read_progress(path, &task)?;
-        Ok(Self { path: path.into(), task, provenance, progress, checkpoint_seed })
+        let (progress, [transitions, record, _], checkpoint_seed) = read_progress(path, &task)?;
+        Ok(Self { path: path.into(), task, provenance, progress, rows: [transitions, record], checkpoint_seed })
     }
 
     /// What differs between what made this run and what would go on with it: model, simulator, program, seed, values
