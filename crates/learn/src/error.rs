@@ -143,3 +143,27 @@ impl Place {
         state.iter().try_for_each(|x| self.check_finite("state", *x))
     }
 }
+
+/// The version of the policy files that this crate writes and reads.
+pub(crate) const FORMAT: u32 = 1;
+
+pub(crate) fn check_format(found: u32) -> Result<(), LearnError> {
+    if found == FORMAT { Ok(()) } else { Err(LearnError::Format { expected: FORMAT, found }) }
+}
+
+/// Refuses a process without states or actions, or with bounds that no action can meet.
+pub(crate) fn check_spec(spec: &ProcessSpec) -> Result<(), LearnError> {
+    if spec.state.is_empty() || spec.action.is_empty() {
+        return Err(LearnError::parameter("spec", "{}", "at least one state and one action"));
+    }
+    for bounds in &spec.action {
+        check_number("spec.action.lower", bounds.lower, true, "finite")?;
+        check_number(
+            "spec.action.upper",
+            bounds.upper,
+            bounds.upper >= bounds.lower,
+            "finite and not below the lower bound",
+        )?;
+    }
+    Ok(())
+}

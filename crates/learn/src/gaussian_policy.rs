@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use stridemap_process::{Action, ProcessSpec, Situation};
 
-use crate::error::{LearnError, check_length, check_number};
+use crate::error::{FORMAT, LearnError, check_format, check_length, check_number, check_spec};
 use crate::network::{Activations, NormalizedGaussianNetwork};
-use crate::policy::{KeptPolicy, Policy};
-use crate::saved::{FORMAT, SavedPolicy, check_format, check_spec};
+use crate::policy::Policy;
 
 /// Outputs of a policy's network on the stack.
 pub(crate) type Outputs = SmallVec<[f64; 16]>;
@@ -250,12 +249,6 @@ impl Policy for GaussianPolicy {
                 self.clip(outputs[j] + self.std_scale * sigmoid(outputs[m + j]) * z, j)
             })
             .collect()
-    }
-}
-
-impl KeptPolicy for GaussianPolicy {
-    fn to_saved(&self) -> SavedPolicy {
-        SavedPolicy::GaussianNetwork(self.clone())
     }
 }
 

@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use stridemap_process::StrideProcess;
 
 use crate::error::LearnError;
-use crate::policy::KeptPolicy;
-use crate::saved::SavedPolicy;
+use crate::saved::{KeptPolicy, SavedPolicy};
 
 /// Improves a policy inside a process: the robot, the learned map or an exact map.
 ///

@@ -34,6 +34,6 @@ pub use error::LearnError;
 pub use gaussian_policy::{GaussianPolicy, LogDensityGradient};
 pub use learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 pub use network::{Activations, NormalizedGaussianNetwork};
-pub use policy::{KeptPolicy, Policy};
-pub use saved::{ConstantPolicy, LinearPolicy, SavedPolicy};
+pub use policy::Policy;
+pub use saved::{ConstantPolicy, KeptPolicy, LinearPolicy, SavedPolicy};
 pub use search::{CmaEs, SearchConfig, SearchLearner};

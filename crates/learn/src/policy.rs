@@ -3,8 +3,6 @@
 use rand_chacha::ChaCha8Rng;
 use stridemap_process::{Action, Situation};
 
-use crate::SavedPolicy;
-
 /// A stochastic policy `π_w(x, u) = p(u | x; w)` \[MA09, eq. (8)\] with a normal density of diagonal
 /// covariance \[MA09, eq. (23)\], in the units of its process.
 pub trait Policy: Send + Sync {
@@ -27,10 +25,4 @@ pub trait Policy: Send + Sync {
             })
             .collect()
     }
-}
-
-/// A policy that can be kept: copied out of a running learner, written to a file, read again.
-pub trait KeptPolicy: Policy {
-    /// A copy, as it goes into a file.
-    fn to_saved(&self) -> SavedPolicy;
 }

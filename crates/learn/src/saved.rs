@@ -5,33 +5,9 @@ use stridemap_process::{Action, ProcessSpec, Situation};
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::error::{LearnError, check_length, check_number};
+use crate::error::{FORMAT, LearnError, check_format, check_length, check_number, check_spec};
 use crate::gaussian_policy::GaussianPolicy;
-use crate::policy::{KeptPolicy, Policy};
-
-/// The version of the policy files that this crate writes and reads.
-pub(crate) const FORMAT: u32 = 1;
-
-pub(crate) fn check_format(found: u32) -> Result<(), LearnError> {
-    if found == FORMAT { Ok(()) } else { Err(LearnError::Format { expected: FORMAT, found }) }
-}
-
-/// Refuses a process without states or actions, or with bounds that no action can meet.
-pub(crate) fn check_spec(spec: &ProcessSpec) -> Result<(), LearnError> {
-    if spec.state.is_empty() || spec.action.is_empty() {
-        return Err(LearnError::parameter("spec", "{}", "at least one state and one action"));
-    }
-    for bounds in &spec.action {
-        check_number("spec.action.lower", bounds.lower, true, "finite")?;
-        check_number(
-            "spec.action.upper",
-            bounds.upper,
-            bounds.upper >= bounds.lower,
-            "finite and not below the lower bound",
-        )?;
-    }
-    Ok(())
-}
+use crate::policy::Policy;
 
 /// Any policy of this crate, as it is written to a file: an object tagged by `kind`.
 ///
@@ -122,6 +98,18 @@ impl Policy for SavedPolicy {
 
     fn sample(&self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
         self.inner().sample(at, rng)
+    }
+}
+
+/// A policy that can be kept: copied out of a running learner, written to a file, read again.
+pub trait KeptPolicy: Policy {
+    /// A copy, as it goes into a file.
+    fn to_saved(&self) -> SavedPolicy;
+}
+
+impl KeptPolicy for GaussianPolicy {
+    fn to_saved(&self) -> SavedPolicy {
+        SavedPolicy::GaussianNetwork(self.clone())
     }
 }
 

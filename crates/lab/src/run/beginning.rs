@@ -7,11 +7,10 @@ use stridemap_mujoco::{ModelSource, compiled, sha256};
 
 use crate::error::LabError;
 use crate::provenance::task_differences;
-use crate::run::directory::logs;
-use crate::run::finished::{FinishedRun, MODEL_COPY};
+use crate::run::finished::{FinishedRun, MODEL_COPY, STRIDES, has_strides};
 use crate::task::Task;
 use stridemap_record::{
-    Columns, EVENTS, EVENTS_HEADER, Provenance, RecordError,
+    Columns, EVENTS, EVENTS_HEADER, LearningRow, Provenance, RecordError,
     files::{Keep, Log, create_dir, write_json, write_whole},
 };
 
@@ -31,34 +30,6 @@ const NEW: [&str; 13] = [
     "learning.csv",
     EVENTS,
 ];
-const STRIDES: [&str; 2] = ["transitions.csv", "record.csv"];
-/// Whether a directory holds a run with at least one stride.
-///
-/// # Errors
-///
-/// [`LabError::Record`].
-pub fn has_begun(path: &Path) -> Result<bool, LabError> {
-    Ok(path.join("config.toml").exists() && has_strides(path)?)
-}
-
-/// Whether a run or the beginning of one holds a stride, or anything else that took work.
-fn has_strides(path: &Path) -> Result<bool, LabError> {
-    if path.join("checkpoint.json").exists() {
-        return Ok(true);
-    }
-    for log in STRIDES.map(|name| path.join(name)) {
-        // Bytes, since a damaged log is not none.
-        let bytes = match std::fs::read(&log) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
-            Err(error) => return Err(RecordError::file(log, "read")(error).into()),
-        };
-        if bytes.iter().filter(|byte| **byte == b'\n').count() > 1 {
-            return Ok(true);
-        }
-    }
-    Ok(false)
-}
 
 /// Refuses a directory that holds anything but the beginning of a run without a stride, if it is there.
 ///
@@ -138,4 +109,14 @@ fn relative(dir: &Path, file: &Path) -> Option<PathBuf> {
     let path: PathBuf = up.chain(file.components().skip(shared)).collect();
     path.to_str()?;
     Some(path)
+}
+
+/// The logs of strides and trials, of which so many rows are kept.
+pub(super) fn logs(path: &Path, table: &Columns, rows: [usize; 3]) -> Result<[Log; 3], LabError> {
+    let open = |name: &str, header: &str, rows| Log::open(&path.join(name), header, Keep::Rows(rows));
+    Ok([
+        open("transitions.csv", &table.header(), rows[0])?,
+        open("record.csv", &table.record_header(), rows[1])?,
+        open("learning.csv", LearningRow::HEADER, rows[2])?,
+    ])
 }

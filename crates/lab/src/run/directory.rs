@@ -18,7 +18,7 @@ use stridemap_record::{
 
 use crate::algorithm::{Progress, Recorder};
 use crate::error::LabError;
-use crate::run::beginning::{build, refuse_occupied};
+use crate::run::beginning::{build, logs, refuse_occupied};
 use crate::run::finished::{FinishedRun, read_progress, read_unfinished};
 use crate::task::Task;
 
@@ -386,14 +386,4 @@ impl Recorder for RunDirectory {
         self.watcher.phase(phase, progress);
         Ok(())
     }
-}
-
-/// The logs of strides and trials, of which so many rows are kept.
-pub(super) fn logs(path: &Path, table: &Columns, rows: [usize; 3]) -> Result<[Log; 3], LabError> {
-    let open = |name: &str, header: &str, rows| Log::open(&path.join(name), header, Keep::Rows(rows));
-    Ok([
-        open("transitions.csv", &table.header(), rows[0])?,
-        open("record.csv", &table.record_header(), rows[1])?,
-        open("learning.csv", LearningRow::HEADER, rows[2])?,
-    ])
 }

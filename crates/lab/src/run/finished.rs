@@ -8,7 +8,6 @@ use stridemap_mujoco::{ModelSource, sha256};
 use crate::algorithm::Progress;
 use crate::error::LabError;
 use crate::provenance::provenance_of;
-use crate::run::beginning::has_begun;
 use crate::task::Task;
 use stridemap_record::{
     Checkpoint, Columns, Provenance, RecordError, Rows, Transition,
@@ -18,6 +17,36 @@ use stridemap_record::{
 
 /// A run's copy of the model file that its task names.
 pub(super) const MODEL_COPY: &str = "model.mjb";
+
+pub(super) const STRIDES: [&str; 2] = ["transitions.csv", "record.csv"];
+
+/// Whether a directory holds a run with at least one stride.
+///
+/// # Errors
+///
+/// [`LabError::Record`].
+pub fn has_begun(path: &Path) -> Result<bool, LabError> {
+    Ok(path.join("config.toml").exists() && has_strides(path)?)
+}
+
+/// Whether a run or the beginning of one holds a stride, or anything else that took work.
+pub(super) fn has_strides(path: &Path) -> Result<bool, LabError> {
+    if path.join("checkpoint.json").exists() {
+        return Ok(true);
+    }
+    for log in STRIDES.map(|name| path.join(name)) {
+        // Bytes, since a damaged log is not none.
+        let bytes = match std::fs::read(&log) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            Err(error) => return Err(RecordError::file(log, "read")(error).into()),
+        };
+        if bytes.iter().filter(|byte| **byte == b'\n').count() > 1 {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
 
 /// Reads what a run achieved up to its last checkpoint, how many rows of each log belong to it, and its seed.
 pub(super) fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usize; 3], Option<u64>), LabError> {

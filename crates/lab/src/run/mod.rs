@@ -5,6 +5,6 @@ mod directory;
 mod finished;
 mod summary;
 
-pub use beginning::{has_begun, refuse_occupied};
+pub use beginning::refuse_occupied;
 pub use directory::{NoWatcher, RunDirectory, Watcher};
-pub use finished::FinishedRun;
+pub use finished::{FinishedRun, has_begun};

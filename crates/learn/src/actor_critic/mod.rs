@@ -13,8 +13,7 @@ use crate::error::{LearnError, Place};
 use crate::gaussian_policy::{GaussianPolicy, Outputs, Score};
 use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 use crate::network::Activations;
-use crate::policy::KeptPolicy;
-use crate::saved::{SavedPolicy, check_same_components};
+use crate::saved::{KeptPolicy, SavedPolicy, check_same_components};
 
 /// The actor-critic of \[KK98\] as used in \[MA09, sec. 5\].
 ///

@@ -12,8 +12,7 @@ use stridemap_process::{Action, Actor, Made, Next, Situation, Stride, StrideEnd,
 
 use crate::error::{LearnError, Place};
 use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
-use crate::policy::KeptPolicy;
-use crate::saved::{ConstantPolicy, SavedPolicy, check_same_components};
+use crate::saved::{ConstantPolicy, KeptPolicy, SavedPolicy, check_same_components};
 
 /// Finds the constant action of greatest mean reward within a box, by CMA-ES \[Hansen16\]. Nothing but
 /// strides is asked of the process, so that it may be a learned map, an exact one, or a robot.
