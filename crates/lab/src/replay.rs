@@ -118,8 +118,8 @@ pub struct Replayed {
 ///
 /// # Errors
 ///
-/// [`LabError::NotHere`] if the robot is behind a link; [`LabError::Mixed`] if version, model, seed or task are not
-/// those of the run; [`LabError::RunDirectory`] if the run kept no generator states; [`LabError::NotTheSame`];
+/// [`LabError::RunDirectory`] if the robot is behind a link, if version, model, seed or task are not those of the run, or
+/// if it kept no generator states; [`LabError::NotTheSame`] with what differs;
 /// [`LabError`] of the room at fault.
 pub fn replay(run: &FinishedRun, episode: &Episode) -> Result<Replayed, LabError> {
     let refuse = |problem: String| LabError::RunDirectory { path: run.path.clone(), problem };
@@ -129,7 +129,10 @@ pub fn replay(run: &FinishedRun, episode: &Episode) -> Result<Replayed, LabError
             "its robot is behind a link, and cannot repeat what it did; `stridemap view` shows it".into(),
         ));
     }
-    run.refuse_others()?;
+    let others = run.differences()?;
+    if !others.is_empty() {
+        return Err(refuse(format!("its episodes cannot come out the same: {}", others.join("; "))));
+    }
     let start = episode.start.as_ref().ok_or_else(|| {
         refuse(format!(
             "events.ndjson holds no {EPISODE_BEGUN:?} for episode {}: the run is of an earlier version, or they were lost",

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory};
-use stridemap_lab::{Algorithm, LabError, builtin, episodes, provenance_of, replay};
+use stridemap_lab::{Algorithm, builtin, episodes, provenance_of, replay};
 use stridemap_process::StrideEnd;
 use stridemap_record::Columns;
 
@@ -58,7 +58,7 @@ fn what_cannot_be_the_same_is_refused_with_the_reason() {
     run.provenance.version = version;
     let model = std::mem::replace(&mut run.provenance.model_hash, "0".repeat(64));
     let error = refused(&run);
-    assert!(matches!(error, LabError::Mixed { .. }) && error.to_string().contains("model"), "{error}");
+    assert!(error.is_request() && error.to_string().contains("model"), "{error}");
     run.provenance.model_hash = model;
     run.task.link = Some(stridemap_robot::Ros2Config::default());
     let error = refused(&run);
