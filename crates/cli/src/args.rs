@@ -94,6 +94,13 @@ pub struct Common {
     pub threads: Option<usize>,
 }
 
+/// What `bench` looks at instead of times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BenchOf {
+    /// Public robots.
+    Robots,
+}
+
 /// A robot on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum RobotName {
@@ -415,10 +422,32 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Writes a commented task file to start from.
+    /// Writes a task file to start from: for a robot's model, with its joint map and a first gait, or a template.
+    #[command(after_help = "Example, from a model to a gait that steps and is improved:\n  stridemap init --model \
+        robot.xml my-robot.toml\n  stridemap tune my-robot.toml\n  stridemap learn my-robot.toml")]
     Init {
         /// The file. Default: my-robot.toml.
         file: Option<PathBuf>,
+        /// The robot's model, MJCF or URDF.
+        #[arg(long)]
+        model: Option<PathBuf>,
+        /// Prints one JSON document: what was found.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Searches a gait that steps for a task file's robot, and writes it into the file.
+    Tune {
+        /// The task file.
+        file: PathBuf,
+        /// Gaits tried at most.
+        #[arg(long, default_value_t = 100, value_parser = count::<usize>(10_000))]
+        tries: usize,
+        /// Chooses among robust gaits by how fast they walk forward.
+        #[arg(long)]
+        walk: bool,
+        /// Options shared by most commands.
+        #[command(flatten)]
+        common: Common,
     },
     /// Simulates a robot as a process of its own that speaks ROS 2, with guards of its own.
     #[command(after_help = "Example, in two terminals:\n  stridemap robot op3 --seed 1\n  stridemap learn \
@@ -470,8 +499,21 @@ pub enum Command {
         #[arg(long, default_value_t = 119, value_parser = domains())]
         domain: u16,
     },
-    /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run.
+    /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run. Or brings public robots from
+    /// their models, fetched by pip, to a policy, and prints the table of docs/robots.md.
     Bench {
+        /// The public robots instead of times.
+        #[arg(value_enum)]
+        what: Option<BenchOf>,
+        /// Robots: where models, task files and runs go.
+        #[arg(long, default_value = "runs/robots")]
+        out: PathBuf,
+        /// Robots: only those whose name holds this.
+        #[arg(long)]
+        only: Option<String>,
+        /// Robots: seeds of learn for each.
+        #[arg(long, default_value_t = 5, value_parser = count::<u64>(1000))]
+        seeds: u64,
         /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,

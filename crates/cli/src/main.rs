@@ -55,7 +55,8 @@ fn check_out(command: &Command) -> Result<(), Failure> {
         | Command::Run { out: Some(file), .. }
         | Command::Report { out: Some(file), .. }
         | Command::View { out: Some(file), .. }
-        | Command::Init { file: Some(file) } => files::check_file(file)?,
+        | Command::Init { file: Some(file), .. }
+        | Command::Tune { file, .. } => files::check_file(file)?,
         Command::Learn { out: Some(dir), .. }
         | Command::Collect { out: Some(dir), .. }
         | Command::Push { out: Some(dir), .. }
@@ -109,12 +110,19 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
         Command::Check { task, common } => commands::task::check(&task, &common),
         Command::List { kind, json } => commands::list::list(kind, json),
-        Command::Init { file } => commands::task::init(file.as_deref()),
+        Command::Init { file, model: Some(model), json } => {
+            commands::bring_up::init_model(&model, file.as_deref(), json)
+        }
+        Command::Init { file, .. } => commands::task::init(file.as_deref()),
+        Command::Tune { file, tries, walk, common } => commands::bring_up::tune(&file, tries, walk, &common),
         Command::Robot { robot: args::ServedRobot::Op3, ideal, rate, seed, realtime_factor, seconds, network } => {
             commands::robot::robot(ideal, rate, seed, realtime_factor, seconds, &network)
         }
         Command::Stop { rearm, reason, network } => commands::robot::stop(rearm, &reason, &network),
         Command::BenchLink { seconds, json, domain } => commands::robot::bench_link(seconds, json, domain),
-        Command::Bench { json } => commands::bench::bench(json),
+        Command::Bench { what: Some(_), out, only, seeds, .. } => {
+            commands::robots::robots(&out, seeds, only.as_deref())
+        }
+        Command::Bench { json, .. } => commands::bench::bench(json),
     }
 }

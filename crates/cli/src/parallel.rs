@@ -30,10 +30,18 @@ where
         progress.done(&told(item, &result));
         result
     };
+    let results: Vec<Result<R, E>> = within(threads, || items.par_iter().map(one).collect())?;
+    Ok(results.into_iter().collect::<Result<_, E>>()?)
+}
+
+/// Does work that goes to several threads on at most `threads` of them.
+pub fn within<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R, Failure> {
+    if threads == Some(0) {
+        return Err(Failure::request("--threads must be at least 1"));
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build()
         .map_err(|error| Failure::working(format!("cannot start threads: {error}")))?;
-    let results: Vec<Result<R, E>> = pool.install(|| items.par_iter().map(one).collect());
-    Ok(results.into_iter().collect::<Result<_, E>>()?)
+    Ok(pool.install(work))
 }

@@ -87,6 +87,39 @@ impl Document {
         })
     }
 
+    /// Puts a value, as TOML, at each of these keys where the document says only `word`, a promise that the value is found
+    /// later; the keys where it did, in the order given.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_config::Document;
+    ///
+    /// let text = "bounds = \"auto\"\nweight = 0.1";
+    /// let mut document = Document::load("task", &[], &[("task", text)])?;
+    /// assert_eq!(document.stand_in("auto", &[("bounds", "[0.0, 1.0]"), ("weight", "2.0")]), ["bounds"]);
+    /// # Ok::<(), stridemap_config::ConfigError>(())
+    /// ```
+    pub fn stand_in(&mut self, word: &str, values: &[(&str, &str)]) -> Vec<String> {
+        let mut stood_in = Vec::new();
+        for (key, value) in values {
+            let Some(path) = segments(key) else { continue };
+            let (node, depth) = self.root.descend(&path);
+            let said = depth == path.len() && matches!(&node.content, Content::String(text) if text == word);
+            if !said {
+                continue;
+            }
+            let source = Arc::clone(&node.place.source);
+            let place = node.place.clone();
+            if let Ok(value) = Reader::set_value(&source, &path, value)
+                && self.root.set(&path, 0, Node { place, ..value }).is_ok()
+            {
+                stood_in.push((*key).to_owned());
+            }
+        }
+        stood_in
+    }
+
     /// The file it was loaded from; `None` if it is built in.
     #[must_use]
     pub fn file(&self) -> Option<&Path> {

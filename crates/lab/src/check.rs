@@ -10,6 +10,7 @@ use stridemap_robot::{Robot, Side};
 use crate::error::LabError;
 use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
 use crate::seed::{Role, stream};
+use crate::stepping::{CLEARANCE_SHARE, GaitVerdict, Stepping};
 use crate::strides::{ActionSource, Batch, make_strides};
 use crate::task::{ExploreConfig, Task};
 
@@ -45,7 +46,7 @@ pub struct Gain {
 }
 
 /// Everything that a check found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CheckReport {
     /// Whether every item is ok.
     pub ok: bool,
@@ -56,6 +57,15 @@ pub struct CheckReport {
     pub joints: Vec<JointReport>,
     /// How the actions move the section map.
     pub gains: Vec<Gain>,
+    /// Whether the nominal gait steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<GaitVerdict>,
+    /// How it steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stepping: Option<Stepping>,
+    /// How far each leg joint sags under the robot's weight at rest, in degrees, by its name in the model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sag_deg: Vec<(String, f64)>,
     /// Why the task is refused, where a threshold or price of its falls does not fit the robot: `learn`
     /// refuses it as well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -77,7 +87,7 @@ impl CheckReport {
 ///
 /// [`LabError`] if the robot cannot be built or driven; that it does not walk is an answer.
 pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
-    let mut report = CheckReport { ok: true, items: Vec::new(), joints: Vec::new(), gains: Vec::new(), refused: None };
+    let mut report = CheckReport { ok: true, ..CheckReport::default() };
 
     let mut robot = MujocoRobot::new(task.robot.clone()).map_err(|error| task.located(error))?;
     report.joints = robot.joint_report()?;
@@ -114,13 +124,22 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         }
     }
     let state = robot.state();
+    let legs = robot.description().legs.roles();
+    report.sag_deg = legs
+        .map(|(.., role)| {
+            let joint = &robot.description().joints[role.joint];
+            (joint.name.clone(), (state.joints[role.joint].position_rad - joint.rest_rad).to_degrees())
+        })
+        .collect();
     let weight_n = robot.description().mass_kg * robot.gravity_m_s2().iter().map(|g| g * g).sum::<f64>().sqrt();
     let carried_n: f64 = loads_n.iter().sum();
     let stands = DOWN.of_body(state, first_height_m).is_none()
         && (carried_n - weight_n).abs() < 0.1 * weight_n
         && loads_n.iter().all(|load_n| *load_n > 0.2 * weight_n);
+    let most = report.sag_deg.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let sag = most.map(|(joint, deg)| format!(", {joint} sags most, by {deg:.1} deg")).unwrap_or_default();
     let found = format!(
-        "after {stand_s} s at rest: feet carry {:.0} + {:.0} N of {weight_n:.0} N, tilt {:.1} deg",
+        "after {stand_s} s at rest: feet carry {:.0} + {:.0} N of {weight_n:.0} N, tilt {:.1} deg{sag}",
         loads_n[Side::Left.index()],
         loads_n[Side::Right.index()],
         state.base.tilt_rad().to_degrees()
@@ -138,14 +157,15 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
 }
 
 /// What to try where the nominal gait does not carry the robot.
-const TRY: &str = "try other amplitudes, rest posture or servo gains";
+const TRY: &str = "`stridemap tune FILE` searches amplitudes, rest posture and gains that step";
 
 /// The nominal gait steps, every step shows a section, and the task's thresholds and prices fit it.
 fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<bool, LabError> {
     let gait = match nominal_gait(task, seed) {
         Ok(gait) => gait,
-        Err(LabError::NominalGaitFails { time_s, fall, .. }) => {
-            let found = format!("falls in its start, after {time_s:.1} s: {fall}; {TRY}");
+        Err(LabError::NominalGaitFails { time_s, fall, how, .. }) => {
+            let found = format!("falls in its start, after {time_s:.1} s: {fall}{how}; {TRY}");
+            report.verdict = Some(GaitVerdict::Falls);
             report.item("nominal gait", false, found);
             return Ok(false);
         }
@@ -155,11 +175,31 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
         }
         Err(error) => return Err(error),
     };
-    let found = match &gait.fell {
-        None => format!("steps for {NOMINAL_S} s"),
-        Some((time_s, fall)) => format!("falls after {time_s:.1} s: {fall}; {TRY}"),
+    let s = &gait.stepping;
+    let found = match (gait.verdict(), &gait.fell) {
+        (GaitVerdict::Steps, _) => format!(
+            "steps for {NOMINAL_S} s: feet clear {:.1} mm, both carry load {:.0} % of the time",
+            1e3 * s.clearance_m,
+            100.0 * s.both_feet_share
+        ),
+        (_, Some((time_s, fall))) => {
+            let how = s.falling.as_ref().map(|how| format!(", {how}")).unwrap_or_default();
+            format!("falls after {time_s:.1} s: {fall}{how}; {TRY}")
+        }
+        (_, None) => format!(
+            "shuffles: it sways for {NOMINAL_S} s, but the feet clear {:.1} mm ({:.1} % of its height; a step is {:.1} %), \
+             both carry load {:.0} % of the time, and {} supports alternate in {} sections; {TRY}",
+            1e3 * s.clearance_m,
+            100.0 * s.clearance_share,
+            100.0 * CLEARANCE_SHARE,
+            100.0 * s.both_feet_share,
+            s.supports,
+            s.sections
+        ),
     };
-    if !report.item("nominal gait", gait.fell.is_none(), found) {
+    report.stepping = Some(gait.stepping.clone());
+    report.verdict = Some(gait.verdict());
+    if !report.item("nominal gait", gait.verdict() == GaitVerdict::Steps, found) {
         return Ok(false);
     }
     let [left, right] = gait.stances;

@@ -77,8 +77,8 @@ pub enum LabError {
     Map(MapError),
     /// The nominal gait does not carry this robot.
     #[error(
-        "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s: {fall}); \
-         `stridemap check TASK` shows what is wrong with robot, gait or joint map"
+        "the nominal gait fell or stalled in {attempts} starts (the last at {time_s:.1} s: {fall}{how}); \
+         `stridemap tune FILE` searches a gait that carries a robot of one's own"
     )]
     NominalGaitFails {
         /// Starts tried.
@@ -87,6 +87,8 @@ pub enum LabError {
         time_s: f64,
         /// Why it was one.
         fall: Fall,
+        /// Where to it fell, and what was wrong before, where that was watched.
+        how: String,
     },
     /// The robot fell more often than the task allows.
     #[error(

@@ -17,6 +17,7 @@
 
 mod algorithm;
 mod analyse;
+mod auto;
 pub mod builtin;
 mod careful;
 mod caution;
@@ -50,16 +51,19 @@ mod samples;
 pub mod seed;
 mod state;
 mod steering;
+mod stepping;
 mod strides;
 mod success;
 mod suffices;
 mod task;
 mod trust;
 mod truth;
+mod tune;
 mod walk;
 
 pub use algorithm::{Algorithm, NoRecorder, Progress, Recorder, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
+pub use auto::{Ramp, RampStep, ramp};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
@@ -89,8 +93,10 @@ pub use robots::RobotChoice;
 pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
+pub use stepping::{GaitVerdict, Stepping};
 pub use strides::{Act, ActionSource, Batch, drive, make_strides};
 pub use success::SuccessConfig;
 pub use task::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task};
 pub use trust::TrustConfig;
+pub use tune::{GaitSetting, Scale, Try, TuneOptions, Tuned, VARIANTS, tune};
 pub use walk::Walker;

@@ -7,13 +7,14 @@ use std::sync::{Arc, Mutex};
 
 use stridemap_process::{Action, Next, ProcessError, Situation, StrideEnd};
 use stridemap_record::{Fall, FallCriterion, InPlace, StridePhase, StrideRole, Transition};
-use stridemap_robot::{Robot, RobotState};
+use stridemap_robot::{Robot, RobotDescription, RobotState};
 use stridemap_section::Crossing;
 
 use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
 use crate::plant::TickObserver;
 use crate::seed::{Role, stream};
+use crate::stepping::{GaitVerdict, StepMeter, Stepping};
 use crate::strides::{Act, ActionSource, Batch, Source, drive};
 use crate::task::{ExploreConfig, Task};
 
@@ -43,6 +44,16 @@ pub struct NominalGait {
     pub fell: Option<(f64, Fall)>,
     /// The first threshold of the task that it passed without falling, with its furthest value.
     pub beyond: Option<Fall>,
+    /// How it stepped.
+    pub stepping: Stepping,
+}
+
+impl NominalGait {
+    /// Whether it steps, shuffles or falls.
+    #[must_use]
+    pub fn verdict(&self) -> GaitVerdict {
+        self.stepping.verdict(self.fell.is_some())
+    }
 }
 
 /// Watches how near a robot comes to the thresholds of a task in one start.
@@ -57,19 +68,22 @@ struct Extremes {
     least_psi_roll_deg: f64,
     /// The first passage of a threshold, for a robot that is down later.
     first: Option<(f64, Fall)>,
+    steps: StepMeter,
 }
 
 struct Watch(FailureConfig, Arc<Mutex<Extremes>>);
 
 impl TickObserver for Watch {
-    fn tick(&mut self, _: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, _: Option<[f64; 3]>) {
+    fn tick(&mut self, robot: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, _: Option<[f64; 3]>) {
         let Ok(mut seen) = self.1.lock() else { return };
+        seen.steps.tick(robot, state, crossing);
         let height_m = state.com.position_m[2];
         if seen.first_height_m <= 0.0 || state.time_s < seen.last_s {
             *seen = Extremes {
                 first_height_m: height_m,
                 least_height: f64::INFINITY,
                 least_psi_roll_deg: f64::INFINITY,
+                steps: std::mem::take(&mut seen.steps),
                 ..Extremes::default()
             };
         }
@@ -131,7 +145,8 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
         ..DOWN
     };
     let mut plant = Task { failure: down, ..task.clone() }.plant()?;
-    let seen = Arc::new(Mutex::new(Extremes::default()));
+    let steps = StepMeter::from(plant.start_up_s());
+    let seen = Arc::new(Mutex::new(Extremes { steps, ..Extremes::default() }));
     plant.observe(Some(Box::new(Watch(own, Arc::clone(&seen)))));
     let neutral = ExploreConfig {
         center: task.action_limits()?.iter().map(|l| [l.neutral; 2]).collect(),
@@ -150,7 +165,7 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     );
     plant.observe(None);
     let seen = seen.lock().map_or_else(|_| Extremes::default(), |seen| seen.clone());
-    let made = made.map_err(|error| started(error, &seen))?;
+    let made = made.map_err(|error| started(error, &seen, plant.robot().description()))?;
     let stepped: Vec<&Transition> = made.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
     let mut gait = NominalGait {
         strides: stepped.len(),
@@ -166,6 +181,7 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     let after_start = stepped.iter().map(|t| t.measures.psi_roll_deg);
     let least_psi_roll_deg =
         if own.psi_roll_relative { after_start.fold(f64::INFINITY, f64::min) } else { seen.least_psi_roll_deg };
+    gait.stepping = seen.steps.stepping(plant.robot().description(), gait.fell.is_some());
     if gait.fell.is_none() {
         gait.beyond = seen.beyond(&own, least_psi_roll_deg, &plant.in_place());
     }
@@ -173,14 +189,15 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
 }
 
 /// A start that failed, told by the task's own thresholds.
-fn started(error: LabError, seen: &Extremes) -> LabError {
+fn started(error: LabError, seen: &Extremes, robot: &RobotDescription) -> LabError {
     let LabError::Process(ProcessError::World(world)) = error else {
         return error;
     };
     match world.downcast::<LabError>() {
         Ok(mut error) => {
-            if let (LabError::NominalGaitFails { time_s, fall, .. }, Some(first)) = (error.as_mut(), seen.first) {
-                (*time_s, *fall) = first;
+            if let LabError::NominalGaitFails { time_s, fall, how, .. } = error.as_mut() {
+                (*time_s, *fall) = seen.first.unwrap_or((*time_s, *fall));
+                *how = seen.steps.stepping(robot, true).falling.map_or_else(String::new, |how| format!(", {how}"));
             }
             *error
         }

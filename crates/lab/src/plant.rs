@@ -508,7 +508,12 @@ impl StrideProcess for Plant {
                     return Ok(Situation { state, last_action: self.law.last().clone(), goal: Goal::new() });
                 }
                 Err(fall) if attempts == START_ATTEMPTS => {
-                    return Err(world(LabError::NominalGaitFails { attempts, time_s: self.robot_time_s(), fall }));
+                    return Err(world(LabError::NominalGaitFails {
+                        attempts,
+                        time_s: self.robot_time_s(),
+                        fall,
+                        how: String::new(),
+                    }));
                 }
                 Err(_) => {}
             }

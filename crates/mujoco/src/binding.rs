@@ -1,13 +1,17 @@
 //! From the names of a configuration to the places of a model.
 
-use mujoco_rs::prelude::MjModel;
+use mujoco_rs::prelude::{MjData, MjModel};
 use mujoco_rs::wrappers::mj_model::{MjtJoint, MjtObjBase};
 use stridemap_robot::{LEG_JOINTS, LegJoint, LegRole, Legs, Side};
 
 use crate::config::{LegMap, MujocoConfig, no_such_name};
-use crate::engine::{name_of, own_bodies};
+use crate::engine::{allocation, name_of, own_bodies};
 use crate::error::MujocoError;
-use crate::{actuators, world};
+use crate::per_joint::PerJoint;
+use crate::{actuators, foreign, world};
+
+/// Natural frequency with which a joint beyond the legs is held where the model gives it no servo.
+pub(crate) const HOLD_RAD_S: f64 = 40.0;
 
 /// How a torque reaches a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +38,27 @@ pub(crate) enum Drive {
     Applied,
 }
 
+/// What a configuration says of one leg joint; `None` is the model's own.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Given {
+    pub kp: Option<f64>,
+    pub kv: Option<f64>,
+    pub torque_nm: Option<f64>,
+    pub armature: Option<f64>,
+}
+
+impl Given {
+    fn of(config: &MujocoConfig, role: &str, name: &str) -> Self {
+        let of = |numbers: &Option<PerJoint>| numbers.as_ref().and_then(|numbers| numbers.of(role, name));
+        Self {
+            kp: of(&config.kp_nm_rad),
+            kv: of(&config.kv_nms_rad),
+            torque_nm: of(&config.torque_limit_nm),
+            armature: of(&config.armature_kg_m2),
+        }
+    }
+}
+
 /// One hinge that is driven.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
@@ -45,6 +70,8 @@ pub(crate) struct Axis {
     pub dof: usize,
     /// Whether it is a leg's, with the gains and limits of the legs.
     pub of_leg: bool,
+    /// What the configuration says of it.
+    pub given: Given,
     /// How it is driven.
     pub drive: Drive,
     /// Its actuator in the model.
@@ -68,6 +95,8 @@ pub(crate) struct Binding {
     pub root_dof: usize,
     /// Foot bodies by side.
     pub feet: [usize; 2],
+    /// Where the robot looks in the reference posture, from +x to the left.
+    pub heading_rad: f64,
     /// For each geom: the side of the foot that it belongs to.
     pub foot_of_geom: Vec<Option<u8>>,
     /// For each geom: whether it is part of the floor (fixed to the world, and able to touch).
@@ -127,6 +156,10 @@ impl Binding {
             root_qpos: model.jnt_qposadr()[root] as usize,
             root_dof: model.jnt_dofadr()[root] as usize,
             feet,
+            heading_rad: match config.heading_deg {
+                Some(deg) => deg.to_radians(),
+                None => heading_rad(model, &named)?,
+            },
             foot_of_geom,
             is_floor,
         })
@@ -136,13 +169,23 @@ impl Binding {
     pub(crate) fn contact_geoms(&self) -> Vec<usize> {
         (0..self.is_floor.len()).filter(|&geom| self.is_floor[geom] || self.foot_of_geom[geom].is_some()).collect()
     }
+}
 
-    /// Position actuators of the legs.
-    pub(crate) fn servos(&self) -> Vec<usize> {
-        let servo = |axis: &&Axis| axis.of_leg && matches!(axis.drive, Drive::Servo { .. });
-        let legs = self.axes.iter().filter(servo);
-        legs.filter_map(|axis| axis.actuator).collect()
-    }
+/// Where a robot looks, by the places of its hips: across from the right to the left one is left. Near +x it is +x; near −x it
+/// is more likely that left and right were exchanged.
+fn heading_rad(model: &MjModel, named: &Legs<Option<(usize, f64)>>) -> Result<f64, MujocoError> {
+    const AXIS_RAD: f64 = 0.35;
+    let mut data = MjData::try_new(model).map_err(allocation)?;
+    data.kinematics();
+    let hip = |side| {
+        let joints = [LegJoint::HipPitch, LegJoint::HipRoll, LegJoint::HipYaw];
+        let (id, _) = joints.into_iter().find_map(|joint| named[(side, joint)])?;
+        Some(data.xanchor()[id])
+    };
+    let (Some(left), Some(right)) = (hip(Side::Left), hip(Side::Right)) else { return Ok(0.0) };
+    let heading = (right[0] - left[0]).atan2(left[1] - right[1]);
+    let along_x = heading.abs() < AXIS_RAD || heading.abs() > std::f64::consts::PI - AXIS_RAD;
+    Ok(if along_x { 0.0 } else { heading })
 }
 
 /// The error for a model of the user's own under the names of the built-in biped.
@@ -201,69 +244,109 @@ fn axes(
     named: &Legs<Option<(usize, f64)>>,
 ) -> Result<Vec<Axis>, MujocoError> {
     let bodies = own_bodies(model, torso);
+    let keyframe = config.keyframe.as_deref().map(|name| keyframe(model, name)).transpose()?;
     let mut axes = Vec::new();
     for id in 0..model.njnt() as usize {
         let kind = model.jnt_type()[id];
         let hinge = kind == MjtJoint::mjJNT_HINGE;
-        let mut roles = named.iter();
-        let role = roles.find_map(|(_, joint, at)| at.filter(|at| at.0 == id).map(|at| (joint, at.1)));
+        let role =
+            named.iter().find_map(|(side, joint, at)| at.filter(|at| at.0 == id).map(|(_, sign)| (side, joint, sign)));
         let own = bodies.contains(&(model.jnt_bodyid()[id] as usize));
-        let reference = model.qpos0()[model.jnt_qposadr()[id] as usize];
+        let qpos = model.jnt_qposadr()[id] as usize;
+        let in_keyframe = keyframe.map(|key| model.key_qpos()[key * model.nq() as usize + qpos]);
+        let name = model.id_to_name(MjtObjBase::mjOBJ_JOINT, id);
+        let reference = in_keyframe.unwrap_or(model.qpos0()[qpos]);
         let rest_rad = match role {
-            Some((joint, sign)) => sign * config.rest_rad(joint),
-            None if own && hinge => (model.id_to_name(MjtObjBase::mjOBJ_JOINT, id))
-                .and_then(|name| config.rest_deg.get(name))
-                .map_or(reference, |deg| deg.to_radians()),
+            Some((side, joint, sign)) => match config.given_rest_rad(side, joint) {
+                Some(given) => sign * given,
+                None => in_keyframe.unwrap_or(sign * config.rest_rad(side, joint)),
+            },
+            None if own && hinge => {
+                let given = name.and_then(|name| config.rest_deg.get(name));
+                given.map_or(reference, |angle| angle.of(Side::Left).to_radians())
+            }
             None if own && kind == MjtJoint::mjJNT_SLIDE => reference,
             None => continue,
         };
-        let axis = axis(model, id, role.is_some(), rest_rad)?;
-        if role.is_some() {
+        let given = role.map(|(_, joint, _)| Given::of(config, joint.name(), name.unwrap_or_default()));
+        let mut axis = axis(model, id, given, rest_rad)?;
+        if given.is_none() && axis.actuator.is_some_and(|servo| foreign::is_added(model, servo)) {
+            axis.given = held(model, axis.dof);
+        }
+        if let Some(given) = given {
             let servo = matches!(axis.drive, Drive::Servo { .. });
-            if !servo && (config.kp_nm_rad.is_none() || config.kv_nms_rad.is_none()) {
+            let own = servo && !axis.actuator.is_some_and(|servo| foreign::is_added(model, servo));
+            if !own && (given.kp.is_none() || given.kv.is_none()) {
                 let joint = name_of(model, MjtObjBase::mjOBJ_JOINT, id);
                 return Err(MujocoError::NoGains { joint });
             }
             // A servo's own range is replaced by a limit of the user's.
-            if config.torque_limit_nm.is_none() || !servo {
+            if given.torque_nm.is_none() || !servo {
                 actuators::torque_range(model, &axis)?;
             }
         }
         axes.push(axis);
     }
-    check_rests(model, config, &axes, named)?;
+    check_names(model, config, &axes, named)?;
     Ok(axes)
 }
 
-/// An error for a rest angle of a joint that the robot does not have.
-fn check_rests(
+/// Gains with which a joint beyond the legs is held where its model says none: they follow from its inertia.
+fn held(model: &MjModel, dof: usize) -> Given {
+    let inertia = model.dof_m0()[dof];
+    Given { kp: Some(inertia * HOLD_RAD_S * HOLD_RAD_S), kv: Some(2.0 * inertia * HOLD_RAD_S), ..Given::default() }
+}
+
+/// The index of a keyframe.
+fn keyframe(model: &MjModel, name: &str) -> Result<usize, MujocoError> {
+    model.name_to_id(MjtObjBase::mjOBJ_KEY, name).ok_or_else(|| {
+        let names = (0..model.nkey() as usize).filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_KEY, id));
+        no_such_name("keyframe".into(), "keyframe", name, names)
+    })
+}
+
+/// An error for a joint that the robot does not have, among rest angles and the numbers of leg joints.
+fn check_names(
     model: &MjModel,
     config: &MujocoConfig,
     axes: &[Axis],
     named: &Legs<Option<(usize, f64)>>,
 ) -> Result<(), MujocoError> {
-    let beyond = axes
-        .iter()
-        .filter(|axis| !axis.of_leg && model.jnt_type()[axis.joint] == MjtJoint::mjJNT_HINGE)
-        .filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint));
-    let legs = named.iter().filter(|(.., at)| at.is_some());
-    let known: Vec<&str> = legs.map(|(_, joint, _)| joint.name()).chain(beyond).collect();
-    match config.rest_deg.keys().find(|name| !known.contains(&name.as_str())) {
+    let of = |leg: bool| {
+        let own = axes.iter().filter(move |axis| axis.of_leg == leg);
+        let hinges = own.filter(|axis| model.jnt_type()[axis.joint] == MjtJoint::mjJNT_HINGE);
+        hinges.filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint))
+    };
+    let roles = || named.iter().filter(|(.., at)| at.is_some()).map(|(_, joint, _)| joint.name());
+    let known: Vec<&str> = roles().chain(of(false)).collect();
+    if let Some(name) = config.rest_deg.keys().find(|name| !known.contains(&name.as_str())) {
+        let field = format!("rest_deg.{name:?}");
+        return Err(no_such_name(field, "leg joint or further hinge", name, known.into_iter()));
+    }
+    let known: Vec<&str> = roles().chain(of(true)).collect();
+    let tables = [
+        ("kp_nm_rad", &config.kp_nm_rad),
+        ("kv_nms_rad", &config.kv_nms_rad),
+        ("torque_limit_nm", &config.torque_limit_nm),
+        ("armature_kg_m2", &config.armature_kg_m2),
+    ];
+    let names =
+        tables.iter().flat_map(|(field, table)| table.iter().flat_map(PerJoint::names).map(move |n| (field, n)));
+    match names.into_iter().find(|(_, name)| !known.contains(name)) {
         None => Ok(()),
-        Some(name) => {
-            Err(no_such_name(format!("rest_deg.{name:?}"), "leg joint or further hinge", name, known.into_iter()))
-        }
+        Some((field, name)) => Err(no_such_name(format!("{field}.{name:?}"), "leg joint", name, known.into_iter())),
     }
 }
 
 /// One joint and how it is driven.
-fn axis(model: &MjModel, joint: usize, of_leg: bool, rest_rad: f64) -> Result<Axis, MujocoError> {
+fn axis(model: &MjModel, joint: usize, given: Option<Given>, rest_rad: f64) -> Result<Axis, MujocoError> {
     let (drive, actuator) = actuators::drive(model, joint)?;
     Ok(Axis {
         joint,
         qpos: model.jnt_qposadr()[joint] as usize,
         dof: model.jnt_dofadr()[joint] as usize,
-        of_leg,
+        of_leg: given.is_some(),
+        given: given.unwrap_or_default(),
         drive,
         actuator,
         rest_rad,

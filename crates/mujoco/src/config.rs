@@ -8,6 +8,7 @@ use stridemap_robot::{JointDescription, JointLimits, LegJoint, LegRole, Legs, Ro
 
 use crate::error::{MujocoError, nearest};
 use crate::hardware::HardwareConfig;
+use crate::per_joint::{PerJoint, RestAngle};
 
 /// Where a model comes from.
 ///
@@ -117,6 +118,18 @@ impl LegMap {
         }
     }
 
+    /// The entry of a joint.
+    pub(crate) fn joint_mut(&mut self, joint: LegJoint) -> &mut Option<String> {
+        match joint {
+            LegJoint::HipYaw => &mut self.hip_yaw,
+            LegJoint::HipRoll => &mut self.hip_roll,
+            LegJoint::HipPitch => &mut self.hip_pitch,
+            LegJoint::Knee => &mut self.knee,
+            LegJoint::AnklePitch => &mut self.ankle_pitch,
+            LegJoint::AnkleRoll => &mut self.ankle_roll,
+        }
+    }
+
     /// Sign (+1 or −1) and name of a joint; `None` if the map names none.
     ///
     /// # Example
@@ -146,6 +159,21 @@ impl LegMap {
             None => (1.0, name),
         })
     }
+}
+
+/// What a model can lack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Missing {
+    /// The joint by which it moves and falls.
+    FreeJoint,
+    /// What it stands on.
+    Floor,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref)] // As serde asks for it.
+const fn is_true(value: &bool) -> bool {
+    *value
 }
 
 /// What a user says about a simulated robot. `None` always means the model's own value.
@@ -186,13 +214,16 @@ pub struct MujocoConfig {
     pub friction: Option<f64>,
     /// Stiffness of the leg joints, > 0. Required if one has no position actuator.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub kp_nm_rad: Option<f64>,
+    pub kp_nm_rad: Option<PerJoint>,
     /// Damping of the leg joints, >= 0. Required if one has no position actuator.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub kv_nms_rad: Option<f64>,
+    pub kv_nms_rad: Option<PerJoint>,
     /// Largest torque of a leg joint, either way, > 0.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub torque_limit_nm: Option<f64>,
+    pub torque_limit_nm: Option<PerJoint>,
+    /// Inertia of a leg joint's rotor as its joint feels it, >= 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub armature_kg_m2: Option<PerJoint>,
     /// Dry friction in every hinge of the robot, >= 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint_friction_nm: Option<f64>,
@@ -205,12 +236,27 @@ pub struct MujocoConfig {
     pub start_joint_noise_deg: f64,
     /// Standard deviation of a normal disturbance of the base's horizontal velocity at reset, >= 0.
     pub start_velocity_noise_m_s: f64,
-    /// Rest angles in degrees: a leg joint's Stridemap name (`hip_pitch`, both legs, Stridemap's sign), or the
-    /// model's name of a hinge beyond the legs, which is held there (the model's sign).
+    /// Direction in which the robot looks in the model's reference posture, counted from +x to the left. Left out: from
+    /// the places of its hips, where they are not within 20 deg of +x or −x (which names alone could tell apart).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading_deg: Option<f64>,
+    /// A keyframe of the model, whose angles are the rest posture of every joint that `rest_deg` does not name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keyframe: Option<String>,
+    /// Rest angles in degrees: a leg joint's Stridemap name (`hip_pitch`, Stridemap's sign; both legs, or
+    /// `{ left = 4.0, right = -4.0 }`), or the model's name of a hinge beyond the legs, which is held there (the model's
+    /// sign).
     ///
     /// Leg joints not named rest at (hip, knee, ankle) pitch = (20, −40, 20) deg and rolls 0; other joints at
     /// the model's reference angle.
-    pub rest_deg: BTreeMap<String, f64>,
+    pub rest_deg: BTreeMap<String, RestAngle>,
+    /// What the model lacks and gets: `"free_joint"` (on its heaviest tree), `"floor"` (a plane at z = 0). A URDF, which can
+    /// say neither, gets both unasked.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub add: Vec<Missing>,
+    /// Whether parts of the robot other than its feet touch anything.
+    #[serde(skip_serializing_if = "is_true")]
+    pub body_contacts: bool,
     /// Whether the state is estimated from what a robot can measure itself, instead of taken from the
     /// simulator.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -233,12 +279,17 @@ impl Default for MujocoConfig {
             kp_nm_rad: None,
             kv_nms_rad: None,
             torque_limit_nm: None,
+            armature_kg_m2: None,
             joint_friction_nm: None,
             velocity_limit_rad_s: 12.0,
             torso_offset_m: [0.0; 3],
             start_joint_noise_deg: 0.0,
             start_velocity_noise_m_s: 0.0,
+            heading_deg: None,
+            keyframe: None,
             rest_deg: BTreeMap::new(),
+            add: Vec::new(),
+            body_contacts: true,
             estimated: false,
             hardware: None,
         }
@@ -255,15 +306,19 @@ impl MujocoConfig {
         }
     }
 
-    /// Angle of a leg joint at rest, in Stridemap's sign.
-    pub(crate) fn rest_rad(&self, joint: LegJoint) -> f64 {
+    /// Angle of a leg joint at rest, in Stridemap's sign, where the file says one.
+    pub(crate) fn given_rest_rad(&self, side: Side, joint: LegJoint) -> Option<f64> {
+        self.rest_deg.get(joint.name()).map(|angle| angle.of(side).to_radians())
+    }
+
+    /// Angle of a leg joint at rest, in Stridemap's sign, whatever the model says.
+    pub(crate) fn rest_rad(&self, side: Side, joint: LegJoint) -> f64 {
         let default_deg = match joint {
-            LegJoint::HipPitch | LegJoint::AnklePitch => 20.0,
+            LegJoint::HipPitch | LegJoint::AnklePitch => 20.0_f64,
             LegJoint::Knee => -40.0,
             LegJoint::HipYaw | LegJoint::HipRoll | LegJoint::AnkleRoll => 0.0,
         };
-        let given = self.rest_deg.get(joint.name()).copied();
-        given.unwrap_or(default_deg).to_radians()
+        self.given_rest_rad(side, joint).unwrap_or(default_deg.to_radians())
     }
 
     /// What can be said of the robot without its model: its leg joints by name and role, and their rest angles. Limits,
@@ -276,7 +331,7 @@ impl MujocoConfig {
     /// use stridemap_robot::{LegJoint, Side};
     ///
     /// let mut config = MujocoConfig::default();
-    /// config.rest_deg.insert("knee".into(), -30.0);
+    /// config.rest_deg.insert("knee".into(), (-30.0).into());
     /// config.left.ankle_roll = None;
     /// let robot = config.outline();
     /// assert_eq!(robot.joints.len(), 9);
@@ -291,7 +346,7 @@ impl MujocoConfig {
             joints.push(JointDescription {
                 name: name.to_owned(),
                 limits: JointLimits::default(),
-                rest_rad: sign * self.rest_rad(joint),
+                rest_rad: sign * self.rest_rad(side, joint),
             });
             let joint = joints.len() - 1;
             Some(LegRole { joint, sign })
@@ -324,12 +379,14 @@ impl MujocoConfig {
         }
         positive("mass_scale", self.mass_scale)?;
         positive("velocity_limit_rad_s", self.velocity_limit_rad_s)?;
-        for (field, value) in
-            [("friction", self.friction), ("kp_nm_rad", self.kp_nm_rad), ("torque_limit_nm", self.torque_limit_nm)]
-        {
-            value.map_or(Ok(()), |value| positive(field, value))?;
+        self.friction.map_or(Ok(()), |value| positive("friction", value))?;
+        let values = |numbers: &Option<PerJoint>| numbers.iter().flat_map(PerJoint::values).collect::<Vec<_>>();
+        for (field, numbers) in [("kp_nm_rad", &self.kp_nm_rad), ("torque_limit_nm", &self.torque_limit_nm)] {
+            values(numbers).into_iter().try_for_each(|value| positive(field, value))?;
         }
-        self.kv_nms_rad.map_or(Ok(()), |value| not_negative("kv_nms_rad", value))?;
+        for (field, numbers) in [("kv_nms_rad", &self.kv_nms_rad), ("armature_kg_m2", &self.armature_kg_m2)] {
+            values(numbers).into_iter().try_for_each(|value| not_negative(field, value))?;
+        }
         self.joint_friction_nm.map_or(Ok(()), |value| not_negative("joint_friction_nm", value))?;
         self.hardware.as_ref().map_or(Ok(()), HardwareConfig::validate)?;
         not_negative("start_joint_noise_deg", self.start_joint_noise_deg)?;
@@ -337,9 +394,11 @@ impl MujocoConfig {
         for value in self.torso_offset_m {
             check("torso_offset_m", value, value.is_finite(), "finite")?;
         }
-        for value in self.rest_deg.values() {
-            check("rest_deg", *value, value.is_finite(), "finite")?;
+        for value in self.rest_deg.values().flat_map(|angle| Side::BOTH.map(|side| angle.of(side))) {
+            check("rest_deg", value, value.is_finite(), "finite")?;
         }
+        let heading_deg = self.heading_deg.unwrap_or(0.0);
+        check("heading_deg", heading_deg, heading_deg.abs() <= 360.0, "-360 to 360")?;
         match self.time_step_s {
             Some(time_step_s) => steps_per_period(self.control_period_s, time_step_s).map(|_| ()),
             None => Ok(()),

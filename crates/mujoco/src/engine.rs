@@ -1,4 +1,4 @@
-//! MuJoCo itself: loading a model with the user's overrides, its log, its warnings, its version.
+//! MuJoCo itself: loading a model, its log, its warnings, its version.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -6,11 +6,12 @@ use std::sync::{Arc, Once};
 
 use mujoco_rs::prelude::{MjCache, MjData, MjModel, set_log_handler};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
-use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtIntegrator, MjtJoint, MjtObjBase, MjtSameFrame};
+use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use sha2::{Digest, Sha256};
 
-use crate::config::{ModelSource, MujocoConfig};
+use crate::config::{Missing, ModelSource};
 use crate::error::MujocoError;
+use crate::foreign;
 use crate::store::load;
 
 /// The built-in biped, as MJCF text.
@@ -75,24 +76,26 @@ pub(crate) fn take_warning() -> String {
     LAST_WARNING.with_borrow_mut(std::mem::take)
 }
 
-/// Compiles a model as it is; [`load`](crate::store::load) does it once.
-pub(crate) fn compile(source: &ModelSource) -> Result<MjModel, MujocoError> {
+/// Compiles a model as it is, with what it lacks; [`load`](crate::store::load) does it once.
+pub(crate) fn compile(source: &ModelSource, added: &[Missing]) -> Result<MjModel, MujocoError> {
     install_log_handler();
     let error = |reason: String| MujocoError::Load { model: source.to_string(), reason };
     match source {
-        ModelSource::Biped => MjModel::from_xml_string(BIPED_XML),
-        ModelSource::Op3 => MjModel::from_xml_string(OP3_XML),
+        ModelSource::Biped => MjModel::from_xml_string(BIPED_XML).map_err(|e| error(e.to_string())),
+        ModelSource::Op3 => MjModel::from_xml_string(OP3_XML).map_err(|e| error(e.to_string())),
         ModelSource::File(path) => {
             // MuJoCo's own message does not tell a missing file from a bad one.
             std::fs::metadata(path).map_err(|e| error(e.to_string()))?;
             if path.extension().is_some_and(|kind| kind == "mjb") {
-                MjModel::from_buffer(&std::fs::read(path).map_err(|e| error(e.to_string()))?)
-            } else {
-                MjModel::from_xml(path)
+                let bytes = std::fs::read(path).map_err(|e| error(e.to_string()))?;
+                return MjModel::from_buffer(&bytes).map_err(|e| error(e.to_string()));
             }
+            if added.is_empty() && !foreign::is_urdf(path) {
+                return MjModel::from_xml(path).map_err(|e| error(e.to_string()));
+            }
+            foreign::compile(path, added).map_err(error)
         }
     }
-    .map_err(|e| error(e.to_string()))
 }
 
 /// A model as MuJoCo compiles it, meshes included and without overrides: as a file `*.mjb` it stands for the
@@ -101,8 +104,8 @@ pub(crate) fn compile(source: &ModelSource) -> Result<MjModel, MujocoError> {
 /// # Errors
 ///
 /// [`MujocoError::Load`].
-pub fn compiled(source: &ModelSource) -> Result<Vec<u8>, MujocoError> {
-    let model = load(source)?;
+pub fn compiled(source: &ModelSource, added: &[Missing]) -> Result<Vec<u8>, MujocoError> {
+    let model = load(source, added)?;
     bytes(&model)
 }
 
@@ -124,126 +127,6 @@ pub(crate) fn hash(model: &MjModel) -> Result<String, MujocoError> {
 pub fn sha256(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// What [`apply`] must know of where things are in the model.
-pub(crate) struct Places<'a> {
-    /// Root body of the robot.
-    pub torso: usize,
-    /// Geoms of the feet and of the floor.
-    pub contact_geoms: &'a [usize],
-    /// Position actuators of the leg joints.
-    pub servos: &'a [usize],
-}
-
-/// Applies the user's overrides and recomputes what MuJoCo derives from them.
-pub(crate) fn apply(model: &MjModel, config: &MujocoConfig, places: &Places<'_>) -> Result<MjModel, MujocoError> {
-    let mut model = model.clone();
-    let options = model.opt_mut();
-    // MuJoCo's default answer to a diverged state is to reset it and go on.
-    options.disableflags |= MjtDisableBit::mjDSBL_AUTORESET as i32;
-    // The period is driven in the two halves of a step, which Runge-Kutta does not have.
-    if options.integrator == MjtIntegrator::mjINT_RK4 as i32 {
-        options.integrator = MjtIntegrator::mjINT_IMPLICITFAST as i32;
-    }
-    if let Some(time_step_s) = config.time_step_s {
-        options.timestep = time_step_s;
-    }
-    if let Some(friction) = config.friction {
-        for &geom in places.contact_geoms {
-            model.geom_friction_mut()[geom][0] = friction;
-        }
-        let touches_foot: Vec<bool> = model
-            .pair_geom1()
-            .iter()
-            .zip(model.pair_geom2())
-            .map(|(a, b)| {
-                let known = |id: i32| places.contact_geoms.iter().any(|&g| g as i32 == id);
-                known(*a) && known(*b)
-            })
-            .collect();
-        for (pair, touches) in model.pair_friction_mut().iter_mut().zip(touches_foot) {
-            if touches {
-                pair[..2].fill(friction);
-            }
-        }
-    }
-    tune_servos(&mut model, config, places.servos);
-    if let Some(friction_nm) = config.joint_friction_nm {
-        let own = own_bodies(&model, places.torso);
-        for dof in 0..model.nv() as usize {
-            let joint = model.dof_jntid()[dof] as usize;
-            let hinge = model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE;
-            if hinge && own.contains(&(model.dof_bodyid()[dof] as usize)) {
-                model.dof_frictionloss_mut()[dof] = friction_nm;
-            }
-        }
-    }
-    scale_mass(&mut model, config.mass_scale, places.torso);
-    shift_torso(&mut model, config.torso_offset_m, places.torso);
-
-    let mut data = MjData::try_new(Box::new(model)).map_err(allocation)?;
-    data.set_const();
-    Ok(data.model().clone())
-}
-
-/// Gains and limit of position servos.
-fn tune_servos(model: &mut MjModel, config: &MujocoConfig, servos: &[usize]) {
-    for &servo in servos {
-        let gear = model.actuator_gear()[model.actuator_outadr()[servo] as usize][0].abs();
-        if let Some(kp) = config.kp_nm_rad {
-            let kp = kp / (gear * gear);
-            // Control and offset in units of the length stay what they are.
-            let own = -model.actuator_biasprm()[servo][1];
-            let [per_length, offset] = [model.actuator_gainprm()[servo][0], model.actuator_biasprm()[servo][0]]
-                .map(|parameter| parameter / own);
-            // SAFETY: the first gain parameter of a fixed gain is a plain factor, never an index.
-            #[allow(unsafe_code)]
-            let gains = unsafe { model.actuator_gainprm_mut() };
-            gains[servo][0] = kp * per_length;
-            model.actuator_biasprm_mut()[servo][0] = kp * offset;
-            model.actuator_biasprm_mut()[servo][1] = -kp;
-        }
-        if let Some(kv) = config.kv_nms_rad {
-            model.actuator_biasprm_mut()[servo][2] = -kv / (gear * gear);
-        }
-        if let Some(limit) = config.torque_limit_nm {
-            model.actuator_forcelimited_mut()[servo] = true;
-            model.actuator_forcerange_mut()[servo] = [-limit / gear, limit / gear];
-        }
-    }
-}
-
-/// Scales mass and inertia of every body of the robot.
-fn scale_mass(model: &mut MjModel, scale: f64, torso: usize) {
-    let own = own_bodies(model, torso);
-    for body in own {
-        model.body_mass_mut()[body] *= scale;
-        for moment in &mut model.body_inertia_mut()[body] {
-            *moment *= scale;
-        }
-    }
-}
-
-/// Shifts the torso's centre of mass, and nothing else.
-fn shift_torso(model: &mut MjModel, offset_m: [f64; 3], torso: usize) {
-    if offset_m.iter().all(|o| o.abs() <= 0.0) {
-        return;
-    }
-    for (position, offset) in model.body_ipos_mut()[torso].iter_mut().zip(offset_m) {
-        *position += offset;
-    }
-    // Shortcuts for frames that coincide no longer hold: a geom must not move with the mass.
-    model.body_sameframe_mut()[torso] = MjtSameFrame::mjSAMEFRAME_NONE;
-    let on_torso = |bodies: &[i32]| -> Vec<bool> { bodies.iter().map(|&b| b as usize == torso).collect() };
-    let geoms = on_torso(model.geom_bodyid());
-    for (frame, _) in (model.geom_sameframe_mut().iter_mut().zip(geoms)).filter(|(_, own)| *own) {
-        *frame = MjtSameFrame::mjSAMEFRAME_NONE;
-    }
-    let sites = on_torso(model.site_bodyid());
-    for (frame, _) in (model.site_sameframe_mut().iter_mut().zip(sites)).filter(|(_, own)| *own) {
-        *frame = MjtSameFrame::mjSAMEFRAME_NONE;
-    }
 }
 
 /// The bodies of the tree whose root is `torso`.

@@ -134,9 +134,9 @@ impl HardwareConfig {
             friction: Some(self.friction),
             mass_scale: ideal.mass_scale * self.mass_scale,
             torso_offset_m: [0, 1, 2].map(|k| ideal.torso_offset_m[k] + self.torso_offset_m[k]),
-            kp_nm_rad: Some(self.kp_nm_rad),
+            kp_nm_rad: Some(self.kp_nm_rad.into()),
             joint_friction_nm: Some(self.joint_friction_nm),
-            torque_limit_nm: Some(self.torque_limit_nm),
+            torque_limit_nm: Some(self.torque_limit_nm.into()),
             hardware: None,
             estimated: false,
             ..ideal.clone()

@@ -206,7 +206,7 @@ pub fn kinematic_model(config: &MujocoConfig) -> Result<KinematicModel, MujocoEr
 
 /// The kinematic model, and where its joints are in the simulator's.
 fn kinematics(config: &MujocoConfig) -> Result<(KinematicModel, Binding), MujocoError> {
-    let model = load(&config.model)?;
+    let model = load(&config.model, &config.add)?;
     let binding = Binding::find(&model, config)?;
     let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
     data.forward();

@@ -9,7 +9,7 @@ use crate::binding::Drive;
 use crate::engine::allocation;
 use crate::error::MujocoError;
 use crate::robot::MujocoRobot;
-use crate::rotation::to_world;
+use crate::rotation::{about_z, to_world, turn};
 
 /// Angle of the finite difference: small against the posture, large against rounding.
 const STEP_RAD: f64 = 1e-5;
@@ -82,6 +82,11 @@ impl MujocoRobot {
         let model = &self.model;
         let mut data = MjData::try_new(std::sync::Arc::clone(model)).map_err(allocation)?;
         let mut reports = Vec::new();
+        // As if the robot looked along +x.
+        let ahead = |v: [f64; 3]| match self.binding.heading_rad {
+            heading if heading.abs() > 0.0 => turn(about_z(-heading), v),
+            _ => v,
+        };
         for (side, joint, LegRole { joint: at, sign }) in self.binding.legs.roles() {
             let axis = &self.binding.axes[at];
             let reference = model.qpos0()[axis.qpos];
@@ -96,7 +101,7 @@ impl MujocoRobot {
             let (after, turned) = pose_at(reference + sign * STEP_RAD);
             let (before, rotation) = pose_at(reference - sign * STEP_RAD);
             pose_at(reference);
-            let turn_axis = turn_between(&rotation, &turned);
+            let turn_axis = ahead(turn_between(&rotation, &turned));
             let own = &self.description().joints[at];
             let [a, b] = [own.limits.lower_rad, own.limits.upper_rad].map(|end| sign * end);
             let range_deg = [a.min(b), a.max(b)].map(f64::to_degrees);
@@ -112,13 +117,14 @@ impl MujocoRobot {
                     Drive::Applied => ActuatorKind::None,
                 },
                 axis: turn_axis,
-                sole_m_per_rad: [0, 1, 2].map(|i| (after[i] - before[i]) / (2.0 * STEP_RAD)),
+                sole_m_per_rad: ahead([0, 1, 2].map(|i| (after[i] - before[i]) / (2.0 * STEP_RAD))),
                 range_deg,
                 rest_deg,
                 problem: problem(joint, turn_axis, rest_deg, range_deg),
             });
         }
         self.check_sides(&mut reports);
+        check_lean(&mut reports);
         Ok(reports)
     }
 
@@ -129,7 +135,8 @@ impl MujocoRobot {
             return;
         };
         data.kinematics();
-        let [left, right] = self.binding.feet.map(|foot| data.xpos()[foot][1]);
+        let (sin, cos) = self.binding.heading_rad.sin_cos();
+        let [left, right] = self.binding.feet.map(|foot| cos * data.xpos()[foot][1] - sin * data.xpos()[foot][0]);
         if left > right {
             return;
         }
@@ -138,6 +145,27 @@ impl MujocoRobot {
                 "the left foot stands right of the right foot: exchange left and right, \
                  or turn the model so that it looks along +x"
                     .into()
+            });
+        }
+    }
+}
+
+/// Notes rolls that rest the same way in both legs.
+fn check_lean(reports: &mut [JointReport]) {
+    for joint in [LegJoint::HipRoll, LegJoint::AnkleRoll] {
+        let of = |side| reports.iter().find(|r| (r.side, r.joint) == (side, joint)).map(|r| r.rest_deg);
+        let (Some(left), Some(right)) = (of(Side::Left), of(Side::Right)) else { continue };
+        if left * right <= 0.0 || left.abs().min(right.abs()) < LEAN_DEG {
+            continue;
+        }
+        let wider = left.abs();
+        for report in reports.iter_mut().filter(|r| r.joint == joint) {
+            report.problem.get_or_insert_with(|| {
+                format!(
+                    "its rest angle turns both legs the same way, about +x ({left:.1} and {right:.1} deg), and leans the \
+                     robot to one side; a wider stance is robot.rest_deg.{} = {{ left = {wider:.1}, right = -{wider:.1} }}",
+                    joint.name()
+                )
             });
         }
     }
@@ -183,12 +211,6 @@ fn problem(joint: LegJoint, axis: [f64; 3], rest_deg: f64, range_deg: [f64; 2]) 
             axis[1],
             axis[2],
             joint.name()
-        ));
-    }
-    if matches!(joint, LegJoint::HipRoll | LegJoint::AnkleRoll) && rest_deg.abs() > LEAN_DEG {
-        return Some(format!(
-            "its rest angle of {rest_deg:.1} deg turns both legs the same way, about +x, and leans the robot to one \
-             side; a wider stance, each leg outwards, cannot be said in robot.rest_deg"
         ));
     }
     let [lower, upper] = range_deg;

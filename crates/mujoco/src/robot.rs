@@ -14,11 +14,13 @@ use stridemap_robot::{
 };
 
 use crate::actuators::{self, Held};
-use crate::binding::{Axis, Binding, Drive, torque_limit};
+use crate::binding::{Axis, Binding, Drive, Given, HOLD_RAD_S, torque_limit};
 use crate::config::{MujocoConfig, steps_per_period};
-use crate::engine::{Data, Places, allocation, apply, hash, mujoco_version, name_of, take_warning};
+use crate::engine::{Data, allocation, hash, mujoco_version, name_of, take_warning};
 use crate::error::MujocoError;
-use crate::rotation::{about_y, inverse, product, to_world, turn};
+use crate::overrides::apply;
+use crate::per_joint::PerJoint;
+use crate::rotation::{about_y, about_z, inverse, product, to_world, turn};
 use crate::sole::{self, Sole};
 use crate::store::load;
 
@@ -26,10 +28,6 @@ use crate::store::load;
 const INTEGRATION: u32 = MjtState::mjSTATE_INTEGRATION as u32;
 /// Kinds of warnings that MuJoCo counts.
 const WARNINGS: usize = MjtWarning::mjNWARNING as usize;
-/// Natural frequency with which a joint beyond the legs is held where the model gives it no servo; its
-/// gains follow from its inertia and are never above those of the legs.
-const HOLD_RAD_S: f64 = 40.0;
-
 /// A PD law on one joint.
 #[derive(Clone, Copy, Debug)]
 struct Law {
@@ -131,11 +129,9 @@ impl MujocoRobot {
     /// does not have (with the nearest ones), a joint that cannot be driven.
     pub fn new(config: MujocoConfig) -> Result<Self, MujocoError> {
         config.validate()?;
-        let bare = load(&config.model)?;
+        let bare = load(&config.model, &config.add)?;
         let binding = Binding::find(&bare, &config)?;
-        let places =
-            Places { torso: binding.torso, contact_geoms: &binding.contact_geoms(), servos: &binding.servos() };
-        let model = Arc::new(apply(&bare, &config, &places)?);
+        let model = Arc::new(apply(&bare, &config, &binding)?);
         let time_step_s = model.opt().timestep;
         let steps_per_period = steps_per_period(config.control_period_s, time_step_s)?;
         let mut data = MjData::try_new(Arc::clone(&model)).map_err(allocation)?;
@@ -155,7 +151,7 @@ impl MujocoRobot {
             .collect();
         let q0 = &model.qpos0()[binding.root_qpos + 3..binding.root_qpos + 7];
         let q0 = [q0[0], q0[1], q0[2], q0[3]];
-        let turned = q0[1..].iter().any(|v| v.abs() > 1e-12);
+        let turned = q0[1..].iter().any(|v| v.abs() > 1e-12) || binding.heading_rad.abs() > 0.0;
         let servo = |axis: &Axis| matches!(axis.drive, Drive::Servo { .. });
         let mut robot = Self {
             description: RobotDescription {
@@ -168,7 +164,7 @@ impl MujocoRobot {
             steps_per_period,
             has_laws: !binding.axes.iter().all(servo),
             laws,
-            base_inverse: turned.then(|| inverse(q0)),
+            base_inverse: turned.then(|| product(inverse(q0), about_z(binding.heading_rad))),
             state: RobotState { joints: vec![JointState::default(); binding.axes.len()], ..RobotState::default() },
             periods: 0,
             warnings: [0; WARNINGS],
@@ -396,8 +392,15 @@ impl MujocoRobot {
         Some(RobotError::Simulator { time_s: self.state.time_s, warning })
     }
 
-    /// Puts the base upright, turned in pitch so that the soles are level, the lower sole on the floor.
-    pub(crate) fn stand(&mut self) {
+    /// Puts the base upright and looking along +x, turned in pitch so that the soles are level, the lower sole on the floor.
+    /// Returns the angle by which the toes were up before.
+    pub(crate) fn stand(&mut self) -> f64 {
+        let q = self.binding.root_qpos;
+        if self.binding.heading_rad.abs() > 0.0 {
+            let qpos = self.data.qpos_mut();
+            let reference = [qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]];
+            qpos[q + 3..q + 7].copy_from_slice(&product(about_z(-self.binding.heading_rad), reference));
+        }
         self.data.kinematics();
         let mut pitch_rad = 0.0;
         for side in Side::BOTH {
@@ -405,7 +408,6 @@ impl MujocoRobot {
             let forward = to_world(foot, self.soles[side.index()].forward);
             pitch_rad += 0.5 * forward[2].atan2(forward[0]);
         }
-        let q = self.binding.root_qpos;
         let qpos = self.data.qpos_mut();
         // Toes up by `pitch_rad`: turn the whole robot about +y, which lowers them.
         let upright = [qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]];
@@ -418,6 +420,7 @@ impl MujocoRobot {
             }
         }
         self.data.qpos_mut()[q + 2] += self.floor_m - lowest;
+        pitch_rad
     }
 }
 
@@ -532,22 +535,21 @@ fn noise(standard_deviation: f64) -> Option<Normal<f64>> {
 
 /// The PD laws of every driven joint, at rest.
 fn laws(model: &MjModel, config: &MujocoConfig, binding: &Binding) -> Vec<Law> {
+    let most =
+        |legs: &Option<PerJoint>| legs.iter().flat_map(PerJoint::values).reduce(f64::max).unwrap_or(f64::INFINITY);
     let law = |axis: &Axis| {
         let own = torque_limit(model, axis);
         let asked = JointCommand::position(axis.rest_rad);
-        let (kp, kv) = (config.kp_nm_rad, config.kv_nms_rad);
         if axis.of_leg {
-            return Law {
-                kp: kp.unwrap_or(0.0),
-                kv: kv.unwrap_or(0.0),
-                limit: config.torque_limit_nm.map_or(own, |limit| limit.min(own)),
-                asked,
-            };
+            let Given { kp, kv, torque_nm, .. } = axis.given;
+            let limit = torque_nm.map_or(own, |limit| limit.min(own));
+            return Law { kp: kp.unwrap_or(0.0), kv: kv.unwrap_or(0.0), limit, asked };
         }
+        // Never stiffer than the legs.
         let inertia = model.dof_m0()[axis.dof];
         Law {
-            kp: (inertia * HOLD_RAD_S * HOLD_RAD_S).min(kp.unwrap_or(f64::INFINITY)),
-            kv: (2.0 * inertia * HOLD_RAD_S).min(kv.unwrap_or(f64::INFINITY)),
+            kp: (inertia * HOLD_RAD_S * HOLD_RAD_S).min(most(&config.kp_nm_rad)),
+            kv: (2.0 * inertia * HOLD_RAD_S).min(most(&config.kv_nms_rad)),
             limit: own,
             asked,
         }

@@ -36,3 +36,9 @@ pub(crate) fn about_y(angle_rad: f64) -> [f64; 4] {
     let (sin, cos) = (0.5 * angle_rad).sin_cos();
     [cos, 0.0, sin, 0.0]
 }
+
+/// The rotation by an angle about +z.
+pub(crate) fn about_z(angle_rad: f64) -> [f64; 4] {
+    let (sin, cos) = (0.5 * angle_rad).sin_cos();
+    [cos, 0.0, 0.0, sin]
+}

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use mujoco_rs::prelude::MjModel;
 use sha2::{Digest, Sha256};
 
-use crate::config::ModelSource;
+use crate::config::{Missing, ModelSource};
 use crate::engine::{compile, mujoco_version, sha256};
 use crate::error::MujocoError;
 
@@ -28,6 +28,7 @@ const MOST_FILES: usize = 10_000;
 /// The last model of this process, and what its files looked like before it was read.
 struct Kept {
     source: ModelSource,
+    added: Vec<Missing>,
     seen: Vec<(PathBuf, Option<Look>)>,
     model: Arc<MjModel>,
 }
@@ -44,7 +45,7 @@ struct Inputs {
 }
 
 /// Loads a model as it is, compiled at most once as long as nothing that it is made of changes.
-pub(crate) fn load(source: &ModelSource) -> Result<Arc<MjModel>, MujocoError> {
+pub(crate) fn load(source: &ModelSource, added: &[Missing]) -> Result<Arc<MjModel>, MujocoError> {
     static KEPT: Mutex<Option<Kept>> = Mutex::new(None);
     // Held while compiling: others that want the same model need not compile it as well.
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -53,21 +54,22 @@ pub(crate) fn load(source: &ModelSource) -> Result<Arc<MjModel>, MujocoError> {
         ModelSource::Biped | ModelSource::Op3 => Some(Inputs { candidates: Vec::new(), has_assets: false }),
     };
     let Some(inputs) = inputs else {
-        return compile(source).map(Arc::new);
+        return compile(source, added).map(Arc::new);
     };
     let seen: Vec<_> = (inputs.candidates.iter()).map(|path| (path.clone(), look(path))).collect();
     if let Some(kept) = &*kept
         && kept.source == *source
+        && kept.added == added
         && kept.seen == seen
     {
         return Ok(Arc::clone(&kept.model));
     }
     let dir = directory().filter(|_| inputs.has_assets);
     let model = Arc::new(match dir {
-        Some(dir) => through(&dir, &inputs.candidates, || compile(source))?,
-        None => compile(source)?,
+        Some(dir) => through(&dir, &inputs.candidates, added, || compile(source, added))?,
+        None => compile(source, added)?,
     });
-    *kept = Some(Kept { source: source.clone(), seen, model: Arc::clone(&model) });
+    *kept = Some(Kept { source: source.clone(), added: added.to_vec(), seen, model: Arc::clone(&model) });
     Ok(model)
 }
 
@@ -109,6 +111,9 @@ fn places(name: &str, bases: &BTreeSet<PathBuf>, sub_dirs: &BTreeSet<String>) ->
 fn inputs(model: &Path) -> Option<Inputs> {
     if model.extension().is_some_and(|kind| kind == "mjb") {
         return Some(Inputs { candidates: vec![model.to_path_buf()], has_assets: false });
+    }
+    if crate::foreign::is_urdf(model) {
+        return Some(Inputs { candidates: crate::foreign::urdf_files(model)?, has_assets: true });
     }
     let mut unread = vec![model.to_path_buf()];
     let mut read = BTreeSet::new();
@@ -168,9 +173,10 @@ fn inputs(model: &Path) -> Option<Inputs> {
 fn through(
     dir: &Path,
     inputs: &[PathBuf],
+    added: &[Missing],
     compile: impl FnOnce() -> Result<MjModel, MujocoError>,
 ) -> Result<MjModel, MujocoError> {
-    let Some(entry) = key(inputs).map(|key| dir.join(key + ".mjb")) else {
+    let Some(entry) = key(inputs, added).map(|key| dir.join(key + ".mjb")) else {
         return compile();
     };
     if let Some(model) = read(&entry) {
@@ -178,7 +184,7 @@ fn through(
     }
     let model = compile()?;
     // Nothing changed while it was compiled, or the entry would lie.
-    if key(inputs).is_some_and(|key| entry.file_stem() == Some(key.as_ref())) {
+    if key(inputs, added).is_some_and(|key| entry.file_stem() == Some(key.as_ref())) {
         // An entry that cannot be written costs the next start some time, nothing else.
         let _ = write(&entry, &model);
     }
@@ -186,8 +192,9 @@ fn through(
 }
 
 /// The name of the entry for these files; `None` if one cannot be read.
-fn key(inputs: &[PathBuf]) -> Option<String> {
+fn key(inputs: &[PathBuf], added: &[Missing]) -> Option<String> {
     let mut parts = MAGIC.to_vec();
+    parts.extend(format!("{added:?} {}", crate::foreign::RECIPE).into_bytes());
     for word in [mujoco_version(), std::env::consts::ARCH, std::env::consts::OS] {
         parts.extend(word.as_bytes());
         parts.push(0);
@@ -273,9 +280,9 @@ mod tests {
     /// Loads through the entries in `kept`; says whether it had to compile.
     fn taken(model: &Path, kept: &Path) -> (bool, Vec<u8>) {
         let mut compiled = false;
-        let model = through(kept, &inputs(model).unwrap().candidates, || {
+        let model = through(kept, &inputs(model).unwrap().candidates, &[], || {
             compiled = true;
-            compile(&ModelSource::File(model.into()))
+            compile(&ModelSource::File(model.into()), &[])
         });
         (compiled, bytes(&model.unwrap()))
     }
@@ -293,7 +300,7 @@ mod tests {
         assert!(changed.0 && changed.1 != first.1);
         std::fs::write(&mesh, CUBE).unwrap();
         // Damaged in the middle, cut, foreign: compiled anew, and mended.
-        let entry = kept.join(key(&inputs(&model).unwrap().candidates).unwrap() + ".mjb");
+        let entry = kept.join(key(&inputs(&model).unwrap().candidates, &[]).unwrap() + ".mjb");
         let good = std::fs::read(&entry).unwrap();
         let mut damaged = good.clone();
         damaged[good.len() / 2] ^= 1;
@@ -327,9 +334,9 @@ mod tests {
         };
         let source = ModelSource::File(path.clone());
         write("1");
-        let (first, again) = (load(&source).unwrap(), load(&source).unwrap());
+        let (first, again) = (load(&source, &[]).unwrap(), load(&source, &[]).unwrap());
         write("2");
-        let changed = load(&source).unwrap();
+        let changed = load(&source, &[]).unwrap();
         assert!((changed.geom_size()[0][0] - 2.0).abs() < 1e-12);
         assert!((first.geom_size()[0][0] - again.geom_size()[0][0]).abs() < 1e-12);
     }

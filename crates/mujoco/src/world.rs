@@ -137,10 +137,7 @@ impl MujocoRobot {
     /// Looks for the floor under the feet at rest; leaves the model's reference posture behind.
     pub(crate) fn find_floor(&mut self) -> Result<(), MujocoError> {
         let torso_m = self.data.qpos()[self.binding.root_qpos + 2];
-        for axis in &self.binding.axes {
-            self.data.qpos_mut()[axis.qpos] = axis.rest_rad;
-        }
-        self.stand();
+        self.rest_on_floor();
         self.data.kinematics();
         let points = Side::BOTH.map(|side| {
             let sole = &self.soles[side.index()];
@@ -150,8 +147,21 @@ impl MujocoRobot {
         let (model, data) = (&self.model, &mut self.data);
         self.floor_m = floor_height(model, data, &self.binding, &points, torso_m)
             .map_err(|reason| MujocoError::NotABiped { model: self.config.model.to_string(), reason })?;
+        self.hang();
+        Ok(())
+    }
+
+    /// Takes the rest posture, standing; returns what [`stand`](Self::stand) does.
+    pub(crate) fn rest_on_floor(&mut self) -> f64 {
+        for axis in &self.binding.axes {
+            self.data.qpos_mut()[axis.qpos] = axis.rest_rad;
+        }
+        self.stand()
+    }
+
+    /// Goes back to the model's reference posture.
+    pub(crate) fn hang(&mut self) {
         self.data.reset();
         self.data.forward();
-        Ok(())
     }
 }

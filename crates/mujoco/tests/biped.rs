@@ -100,8 +100,8 @@ fn overrides_reach_the_physics() -> Outcome {
         mass_scale: 1.07,
         torso_offset_m: [0.02, -0.01, 0.03],
         time_step_s: Some(0.0005),
-        kp_nm_rad: Some(5000.0),
-        torque_limit_nm: Some(400.0),
+        kp_nm_rad: Some(5000.0.into()),
+        torque_limit_nm: Some(400.0.into()),
         ..MujocoConfig::default()
     };
     let (nominal, _) = standing(MujocoConfig::default())?;

@@ -141,7 +141,7 @@ fn errors_name_what_is_missing_and_what_is_near() -> Outcome {
     let says = error(|c| c.left.knee = Some("float".into()))?;
     assert!(says.contains("not a hinge"), "{says}");
     let says = error(|c| {
-        c.rest_deg.insert("sholder_r".into(), 0.0);
+        c.rest_deg.insert("sholder_r".into(), 0.0.into());
     })?;
     assert!(says.contains("shoulder_r"), "{says}");
     let says = error(|c| c.model = ModelSource::File("none/such.xml".into()))?;
@@ -170,7 +170,7 @@ fn yawing_without_ankle_rolls(mut config: MujocoConfig) -> MujocoConfig {
     for leg in [&mut config.left, &mut config.right] {
         leg.ankle_roll = None;
     }
-    config.rest_deg.insert("hip_yaw".into(), 2.0);
+    config.rest_deg.insert("hip_yaw".into(), 2.0.into());
     config
 }
 
@@ -211,7 +211,7 @@ fn hip_yaws_are_leg_joints_where_they_are_named_and_ankle_rolls_may_be_left_out(
     let softened_nm = upright.state().joints[knee.joint].torque_nm;
     assert!((softened_nm / held_nm - 0.1).abs() < 0.05, "{softened_nm} of {held_nm}");
     // What is left out for the gait keeps its name for the rest posture.
-    right.rest_deg.insert("ankle_roll".into(), 1.0);
+    right.rest_deg.insert("ankle_roll".into(), 1.0.into());
     let says = MujocoRobot::new(right).err().ok_or("no error")?.to_string();
     assert!(says.contains("ankle_roll"), "{says}");
     Ok(())

@@ -79,7 +79,7 @@ fn a_servo_in_other_units_is_the_same_servo() -> Outcome {
     let knee = |robot: &MujocoRobot| robot.state().joints[LEFT_KNEE];
     assert!((knee(&robot).torque_nm - knee(&own).torque_nm).abs() < 1e-3);
     // Softer by the task: the same sag under the same load, whatever the units.
-    let soften = |config: MujocoConfig| MujocoConfig { kp_nm_rad: Some(1500.0), ..config };
+    let soften = |config: MujocoConfig| MujocoConfig { kp_nm_rad: Some(1500.0.into()), ..config };
     let sag = |config| -> Result<f64, Box<dyn Error>> {
         let mut robot = MujocoRobot::new(soften(config))?;
         robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;

@@ -18,7 +18,7 @@ fn op3() -> MujocoConfig {
         left: LegMap::op3(Side::Left),
         right: LegMap::op3(Side::Right),
         control_period_s: 0.008,
-        rest_deg: rest.map(|(name, deg)| (name.to_owned(), deg)).into(),
+        rest_deg: rest.map(|(name, deg)| (name.to_owned(), deg.into())).into(),
         ..MujocoConfig::default()
     }
 }

@@ -15,7 +15,7 @@ use stridemap_report::figures::quartiles;
 
 use super::beside::Purpose;
 use super::linked::algorithm;
-use super::{in_network, on_robot, provenance, run_path, say_edited};
+use super::{in_network, on_robot, provenance, run_path, say_edited, tell};
 use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
@@ -36,7 +36,8 @@ pub fn learn(
         sets.push(format!("learner.kind={}", learner.name()));
         words += &format!(" --learner {}", learner.name().replace('_', "-"));
     }
-    let loaded = builtin::load(name, &sets)?;
+    let mut loaded = builtin::load(name, &sets)?;
+    tell(&mut loaded)?;
     // What repeats the run, in its record.
     let name = words.as_str();
     let linked = loaded.task.link.is_some() || common.robot == Some(RobotName::Ros2);

@@ -3,6 +3,7 @@
 pub mod apply;
 pub mod bench;
 pub mod beside;
+pub mod bring_up;
 pub mod compare;
 pub mod from_log;
 pub mod learn;
@@ -14,6 +15,7 @@ pub mod replay;
 pub mod report;
 pub mod reproduce;
 pub mod robot;
+pub mod robots;
 pub mod task;
 pub mod verbs;
 
@@ -39,8 +41,17 @@ fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
 pub fn on_robot(loaded: LoadedTask, common: &Common) -> Result<LoadedTask, Failure> {
     let mut loaded = loaded.on(common.robot.map(Into::into), common.seed)?;
     in_network(&mut loaded.task, common)?;
+    tell(&mut loaded)?;
     loaded.resolved = loaded.task.to_toml()?;
     Ok(loaded)
+}
+
+/// Asks the robot for what the file leaves to it, and says what it told.
+pub fn tell(loaded: &mut LoadedTask) -> Result<(), Failure> {
+    if loaded.task.tell()? {
+        loaded.task.told.iter().for_each(output::note);
+    }
+    Ok(())
 }
 
 /// Puts a task's robot into the network that the command line names, and refuses one that this machine cannot

@@ -75,7 +75,7 @@ pub(super) fn build(path: &Path, place: &Path, task: &Task, provenance: &Provena
     write_json(&path.join("columns.json"), &columns)?;
     let (mut task, mut provenance) = (task.clone(), provenance.clone());
     if let ModelSource::File(model) = &mut task.robot.model {
-        let bytes = compiled(&ModelSource::File(model.clone()))?;
+        let bytes = compiled(&ModelSource::File(model.clone()), &task.robot.add)?;
         write_whole(&path.join(MODEL_COPY), &bytes)?;
         provenance.model_copy_sha256 = Some(sha256(&bytes));
         // From the run's own place, so that both can move together.

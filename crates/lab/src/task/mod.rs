@@ -77,6 +77,12 @@ pub struct Task {
     pub record: RecordConfig,
     /// When a run counts as a success.
     pub success: SuccessConfig,
+    /// Keys whose values the robot's own nominal gait has still to tell (`"auto"` in a file).
+    #[serde(skip)]
+    pub auto: Vec<String>,
+    /// Where values came from that the robot told: a line each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub told: Vec<String>,
     /// Where it was written.
     #[serde(skip)]
     pub written: crate::builtin::Written,
