@@ -1,9 +1,13 @@
 //! The command line.
 
+mod names;
+
 use std::path::PathBuf;
 
+pub use names::{BenchOf, FigureName, PartKind, RobotName, ServedRobot};
+
 use clap::builder::{PossibleValue, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use stridemap_lab::{LearnerKind, learners};
 
 /// Most seeds of one command.
@@ -32,7 +36,7 @@ fn count<T: TryFrom<u64> + Clone + Send + Sync>(most: u64) -> RangedU64ValuePars
         policy inside it (reinforcement learning), and gives it back to the robot. After Morimoto & \
         Atkeson (2009), doi:10.1007/s10514-009-9133-z.",
     after_help = "Start with:   stridemap learn stepping\n\
-        Your robot:   stridemap init my-robot.toml, edit it, then stridemap check my-robot.toml\n\n\
+        Your robot:   stridemap init --model robot.xml my-robot.toml, then tune, check and learn my-robot.toml\n\n\
         TASK is a built-in task (stepping, walking, ...) or a TOML file. RUN is a run directory.\n\
         Results go to stdout or files, progress to stderr. Exit codes: 0 done, 1 it went wrong while\n\
         working, 2 the request was wrong (nothing was written)."
@@ -94,34 +98,6 @@ pub struct Common {
     pub threads: Option<usize>,
 }
 
-/// What `bench` looks at instead of times.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BenchOf {
-    /// Public robots.
-    Robots,
-}
-
-/// A robot on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum RobotName {
-    /// The small humanoid, simulated in this process with hardware effects.
-    Op3,
-    /// The same without hardware effects.
-    Op3Ideal,
-    /// A robot behind ROS 2.
-    Ros2,
-}
-
-impl From<RobotName> for stridemap_lab::RobotChoice {
-    fn from(name: RobotName) -> Self {
-        match name {
-            RobotName::Op3 => Self::Op3,
-            RobotName::Op3Ideal => Self::Op3Ideal,
-            RobotName::Ros2 => Self::Ros2,
-        }
-    }
-}
-
 /// A learner by its name in task files, with - for _.
 fn learner() -> impl TypedValueParser<Value = LearnerKind> {
     let names = learners()
@@ -130,56 +106,6 @@ fn learner() -> impl TypedValueParser<Value = LearnerKind> {
         .map(|part| PossibleValue::new(part.name().replace('_', "-")).alias(part.name()).help(part.about()));
     PossibleValuesParser::new(names)
         .try_map(|name| learners().find(&name.replace('-', "_")).map(LearnerKind).ok_or("no learner"))
-}
-
-/// What may be listed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PartKind {
-    /// Nominal gaits: gait.kind of a task.
-    Gaits,
-    /// Learners: learner.kind.
-    Learners,
-    /// Quantities of reward terms: reward.quantity.
-    Rewards,
-    /// Components of the state at the section: state.
-    States,
-    /// Events that make a section: section.event.
-    Events,
-    /// Robots that --robot names.
-    Robots,
-}
-
-/// A figure of the paper.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
-pub enum FigureName {
-    /// Gaussian-process regression of a sine.
-    Fig7,
-    /// Learning curves: map against full model.
-    Fig8,
-    /// Policies: map against full model.
-    Fig9,
-    /// Return map under pushes.
-    Fig10,
-    /// The biped before learning to walk: time lapse.
-    Fig11,
-    /// The biped after learning to walk: time lapse.
-    Fig12,
-    /// The small humanoid's map of stepping, a surface.
-    Fig13,
-    /// Its roll at the section over 40 steps of the acquired policy.
-    Fig14,
-    /// Its acquired stepping: time lapse.
-    Fig15,
-    /// The small humanoid before learning to walk: time lapse.
-    Fig16,
-    /// After the first iteration: time lapse.
-    Fig17,
-    /// After the second iteration: time lapse.
-    Fig18,
-    /// Walking: speed and prediction error against the number of samples (sec. 8.1).
-    Samples,
-    /// Figs. 7 to 18, and a table: paper beside ours.
-    All,
 }
 
 /// Where a robot behind ROS 2 is.
@@ -192,13 +118,6 @@ pub struct Network {
     /// machine.
     #[arg(long, default_value = "127.0.0.1")]
     pub interface: String,
-}
-
-/// A robot that can be simulated behind ROS 2.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ServedRobot {
-    /// The small humanoid ROBOTIS OP3.
-    Op3,
 }
 
 /// What to do.

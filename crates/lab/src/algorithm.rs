@@ -9,6 +9,11 @@
 //! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
+mod measured;
+mod recorder;
+
+pub use recorder::{NoRecorder, Progress, Recorder};
+
 use std::cell::Cell;
 use std::time::Instant;
 
@@ -20,139 +25,15 @@ use stridemap_process::{StrideEnd, StrideProcess};
 use crate::error::LabError;
 use crate::learner::Known;
 use crate::plant::{Plant, PlantCounters};
-use crate::poses::Filming;
 use crate::reward::reward_of_state;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
 use crate::strides::{Act, ActionSource, Batch, Source, drive};
 use crate::suffices::FEWEST;
 use crate::task::Task;
-use crate::walk::Walker;
 use stridemap_record::{
-    GuardWarning, InPlace, Iteration, Pace, Performance, Phase, Recording, RobotFall, Seconds, StridePhase, StrideRole,
-    Transition, Walk,
+    GuardWarning, InPlace, Iteration, Performance, Phase, RobotFall, StridePhase, StrideRole, Transition,
 };
-
-/// Robot time from a fresh start up to which a time lapse is recorded.
-const LAPSE_S: f64 = 60.0;
-
-/// About the duration of a stride of the nominal gait, for where a film begins.
-const WARM_UP_STRIDE_S: f64 = 0.6;
-
-/// What a run has come to.
-#[derive(Clone, Debug, Default)]
-pub struct Progress {
-    /// Every fall and stall on the robot, in starts and record strides as well.
-    pub falls: Vec<RobotFall>,
-    /// Every training and evaluation stride, in the order in which they were made.
-    pub transitions: Vec<Transition>,
-    /// Strides of a batch that was broken off, aborted ones as well, on a robot that cannot repeat them.
-    pub unfinished: Vec<Transition>,
-    /// Iterations begun.
-    pub iterations: Vec<Iteration>,
-    /// The policy of each improved iteration.
-    pub policies: Vec<SavedPolicy>,
-    /// The nominal gait, measured.
-    pub nominal: Option<Performance>,
-    /// The final policy, measured.
-    pub final_performance: Option<Performance>,
-    /// Strides run only to report.
-    pub record_strides: usize,
-    /// Time spent, by kind of work.
-    pub seconds: Seconds,
-    /// Time spent in all, files and figures' data included.
-    pub total_seconds: f64,
-}
-
-impl Progress {
-    /// How the robot steps in place, from its first batch in this run.
-    #[must_use]
-    pub fn in_place(&self) -> InPlace {
-        let first = self.iterations.first();
-        first.and_then(|i| i.in_place).unwrap_or_default()
-    }
-}
-
-/// Observes a run as it happens: writes files, shows progress.
-pub trait Recorder {
-    /// A stride was made on the robot. `what` names the measured policy of a record stride
-    /// (`"nominal"`, `"iteration-1"`, `"final"`).
-    ///
-    /// # Errors
-    ///
-    /// [`LabError`] if it cannot be kept, or the user asked to stop; the run then stops.
-    fn stride(&mut self, transition: &Transition, what: Option<&str>) -> Result<(), LabError>;
-
-    /// An episode begins with the next stride, from a generator of this stream that has given so many words.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::stride`].
-    fn episode(&mut self, _began_at: (u64, u64), _what: Option<&str>) -> Result<(), LabError> {
-        Ok(())
-    }
-
-    /// A map was fitted.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::stride`].
-    fn map(&mut self, iteration: usize, map: &LearnedMap) -> Result<(), LabError>;
-
-    /// A learning trial in the map ended.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::stride`].
-    fn trial(&mut self, iteration: usize, trial: &TrialSummary) -> Result<(), LabError>;
-
-    /// A policy was improved.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::stride`].
-    fn policy(&mut self, iteration: usize, policy: &SavedPolicy) -> Result<(), LabError>;
-
-    /// Motion was recorded, to be looked at: of a measured policy, or of the first exploration
-    /// (`what` is `"exploration"`).
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::stride`].
-    fn poses(&mut self, what: &str, pace: Pace, recording: &Recording) -> Result<(), LabError>;
-
-    /// A phase is complete: what was recorded up to here is final.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::stride`].
-    fn checkpoint(&mut self, phase: Phase, progress: &Progress) -> Result<(), LabError>;
-}
-
-/// A recorder that keeps nothing.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct NoRecorder;
-
-impl Recorder for NoRecorder {
-    fn stride(&mut self, _: &Transition, _: Option<&str>) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn map(&mut self, _: usize, _: &LearnedMap) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn trial(&mut self, _: usize, _: &TrialSummary) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn policy(&mut self, _: usize, _: &SavedPolicy) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn poses(&mut self, _: &str, _: Pace, _: &Recording) -> Result<(), LabError> {
-        Ok(())
-    }
-    fn checkpoint(&mut self, _: Phase, _: &Progress) -> Result<(), LabError> {
-        Ok(())
-    }
-}
 
 /// A run of Algorithm 1: a task, a robot and what has been achieved so far.
 pub struct Algorithm<'a> {
@@ -523,103 +404,6 @@ impl<'a> Algorithm<'a> {
         iteration.evaluation = Some(Performance::of(&transitions, discard));
         self.progress.transitions.extend(transitions);
         recorder.checkpoint(Phase::Evaluate, &self.progress)
-    }
-
-    /// Has the next batch recorded, where the task wants pictures: a time lapse, and a film.
-    fn film(&mut self, lapse: bool, film: bool) -> Filming {
-        let seconds = self.task.record.pose_seconds;
-        // A start that steps on the spot first is filmed from the end of it.
-        let warm_up_s = WARM_UP_STRIDE_S * self.task.collect.warm_up_strides as f64;
-        let begin_s = self.plant.start_up_s() + warm_up_s;
-        let takes = [(film, Pace::Film, [begin_s, begin_s + seconds]), (lapse, Pace::Lapse, [0.0, LAPSE_S])];
-        let wanted = takes.iter().filter(|take| take.0 && seconds > 0.0);
-        let wanted: Vec<_> = wanted.map(|&(_, pace, span)| (pace, span)).collect();
-        Filming::begin(&mut self.plant, &wanted)
-    }
-
-    /// Measures a policy to report: deterministic, from a fresh start.
-    fn measure(
-        &mut self,
-        policy: &SavedPolicy,
-        what: &str,
-        strides: usize,
-        stream_index: u64,
-        recorder: &mut dyn Recorder,
-    ) -> Result<Performance, LabError> {
-        let discard = self.task.record.discard;
-        let batch = Batch {
-            iteration: self.progress.policies.len(),
-            phase: StridePhase::Record,
-            role: StrideRole::Record,
-            strides: strides + discard,
-        };
-        // A film of the first policy learned as well: the paper shows it stepping.
-        let film = !what.starts_with("iteration") || what == "iteration-1";
-        let filming = self.film(true, film);
-        let times =
-            if what.starts_with("iteration") { self.task.record.iteration_walk() } else { self.task.record.walk() };
-        let result = match times {
-            Some(t) => self.walk_on_robot(policy, batch, (what, t.walk_s), stream_index, recorder),
-            None => self
-                .strides_on_robot(Some(policy), batch, Some(what), (Role::Record, stream_index), recorder)
-                .map(|(transitions, _)| transitions),
-        };
-        let takes = filming.end(&mut self.plant);
-        let transitions = result?;
-        takes.keep(what, &transitions, recorder)?;
-        self.progress.record_strides += transitions.len();
-        Ok(Performance {
-            walk: times.map(|times| Walk::of(&transitions, times)),
-            ..Performance::of(&transitions, discard)
-        })
-    }
-
-    /// Walks a policy's mean from stepping on the spot, for some time or to the fall.
-    fn walk_on_robot(
-        &mut self,
-        policy: &SavedPolicy,
-        batch: Batch,
-        (what, seconds): (&str, f64),
-        stream_index: u64,
-        recorder: &mut dyn Recorder,
-    ) -> Result<Vec<Transition>, LabError> {
-        let batch = Batch {
-            strides: usize::MAX, // time ends it
-            ..batch
-        };
-        let mut rng = stream(self.seed, Role::Record, stream_index);
-        let mut walker = Walker::new(policy, seconds);
-        let made = self.make(&mut walker, batch, Some(what), &mut rng, recorder)?;
-        Ok(made.0)
-    }
-
-    fn measure_nominal(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
-        let policy = self.task.nominal_policy()?;
-        let performance = self.measure(&policy, "nominal", self.task.record.strides, 0, recorder)?;
-        self.progress.nominal = Some(performance);
-        recorder.checkpoint(Phase::Nominal, &self.progress)
-    }
-
-    fn record_iteration(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
-        let n = self.progress.policies.len();
-        let policy = self.progress.policies[n - 1].clone();
-        let what = format!("iteration-{n}");
-        let strides = self.task.record.iteration_strides;
-        let performance = self.measure(&policy, &what, strides, n as u64, recorder)?;
-        self.progress.iterations[n - 1].record = Some(performance);
-        recorder.checkpoint(Phase::Record, &self.progress)
-    }
-
-    /// Measures the best policy as the final one. If it does not beat the nominal gait, the next is the best.
-    fn measure_final(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
-        let policy = self.progress.final_policy(self.task)?;
-        let strides = self.task.record.strides;
-        let tried = self.progress.iterations.iter();
-        let rejected = tried.filter(|i| i.rejected.is_some()).count();
-        let stream_index = u64::from(u32::MAX) - rejected as u64;
-        let performance = self.measure(&policy, "final", strides, stream_index, recorder)?;
-        self.progress.accept(performance);
-        recorder.checkpoint(Phase::Final, &self.progress)
     }
 }
 

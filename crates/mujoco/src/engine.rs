@@ -28,6 +28,25 @@ thread_local! {
     static LAST_WARNING: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
+/// Where numbers came from.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Provenance {
+    /// The simulator and its version.
+    pub engine: String,
+    /// The model: `biped` or a path.
+    pub model: String,
+    /// SHA-256 of the compiled model, overrides and meshes included, in hex.
+    pub model_sha256: String,
+    /// Mass of the robot.
+    pub mass_kg: f64,
+    /// Gravity (x, y, z).
+    pub gravity_m_s2: [f64; 3],
+    /// Time between two physics steps.
+    pub time_step_s: f64,
+    /// Time between two commands.
+    pub control_period_s: f64,
+}
+
 /// Version of the MuJoCo library, e.g. `"3.17.0"`.
 ///
 /// # Example

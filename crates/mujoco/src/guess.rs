@@ -74,24 +74,7 @@ struct Chain {
 /// are.
 pub fn guess(model: &Path) -> Result<Guess, MujocoError> {
     let source = ModelSource::File(model.to_path_buf());
-    let mut add = Vec::new();
-    let mut notes = Vec::new();
-    if is_urdf(model) {
-        notes.push(
-            "a URDF: free joint and floor added, and servos added, contact meshes replaced by their boxes".into(),
-        );
-    } else {
-        let bare = load(&source, &add)?;
-        if (0..bare.njnt() as usize).all(|j| bare.jnt_type()[j] != MjtJoint::mjJNT_FREE) {
-            add.push(Missing::FreeJoint);
-            notes.push("no free joint in the model: one is added to its largest tree".into());
-        }
-        let fixed = |geom: &usize| bare.body_weldid()[bare.geom_bodyid()[*geom] as usize] == 0;
-        if !(0..bare.ngeom() as usize).any(|geom| fixed(&geom) && collides(&bare, geom)) {
-            add.push(Missing::Floor);
-            notes.push("no floor in the model: a plane at z = 0 is added".into());
-        }
-    }
+    let (add, mut notes) = missing(&source, model)?;
     let model = load(&source, &add)?;
     let mut data = MjData::try_new(std::sync::Arc::clone(&model)).map_err(allocation)?;
     data.forward();
@@ -180,6 +163,26 @@ pub fn guess(model: &Path) -> Result<Guess, MujocoError> {
             .map(str::to_owned)
             .collect(),
     })
+}
+
+/// What a model lacks, and a word on each.
+fn missing(source: &ModelSource, model: &Path) -> Result<(Vec<Missing>, Vec<String>), MujocoError> {
+    if is_urdf(model) {
+        let note = "a URDF: free joint, floor and servos added, contact meshes replaced by their boxes";
+        return Ok((Vec::new(), vec![note.into()]));
+    }
+    let (mut add, mut notes) = (Vec::new(), Vec::new());
+    let bare = load(source, &[])?;
+    if (0..bare.njnt() as usize).all(|j| bare.jnt_type()[j] != MjtJoint::mjJNT_FREE) {
+        add.push(Missing::FreeJoint);
+        notes.push("no free joint in the model: one is added to its largest tree".into());
+    }
+    let fixed = |geom: &usize| bare.body_weldid()[bare.geom_bodyid()[*geom] as usize] == 0;
+    if !(0..bare.ngeom() as usize).any(|geom| fixed(&geom) && collides(&bare, geom)) {
+        add.push(Missing::Floor);
+        notes.push("no floor in the model: a plane at z = 0 is added".into());
+    }
+    Ok((add, notes))
 }
 
 fn no_joints() -> LegMap {

@@ -3,7 +3,7 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, Normal, StandardNormal};
 use serde::{Deserialize, Serialize};
 use stridemap_robot::SensorFrame;
 use stridemap_robot::kinematics::{of_rotation_vector, product};
@@ -142,6 +142,11 @@ impl HardwareConfig {
             ..ideal.clone()
         }
     }
+}
+
+/// A normal disturbance; `None` for a standard deviation of zero.
+pub(crate) fn noise(standard_deviation: f64) -> Option<Normal<f64>> {
+    (standard_deviation > 0.0).then(|| Normal::new(0.0, standard_deviation).ok()).flatten()
 }
 
 /// What one individual's sensors get wrong, always in the same way.

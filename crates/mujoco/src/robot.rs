@@ -7,19 +7,20 @@ use mujoco_rs::prelude::{MjData, MjModel};
 use mujoco_rs::wrappers::mj_data::{MjtState, MjtWarning};
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
+use rand_distr::Distribution;
 use stridemap_robot::{
-    BaseState, CentreOfMass, FootState, JointCommand, JointDescription, JointLimits, JointState, JointTargets, Pose,
-    Robot, RobotDescription, RobotError, RobotState, Shape, Side,
+    BaseState, CentreOfMass, FootState, JointDescription, JointState, JointTargets, Pose, Robot, RobotDescription,
+    RobotError, RobotState, Shape, Side,
 };
 
 use crate::actuators::{self, Held};
-use crate::binding::{Axis, Binding, Drive, Given, HOLD_RAD_S, torque_limit};
+use crate::binding::{Axis, Binding, Drive};
 use crate::config::{MujocoConfig, steps_per_period};
-use crate::engine::{Data, allocation, hash, mujoco_version, name_of, take_warning};
+use crate::engine::{Data, Provenance, allocation, hash, mujoco_version, name_of, take_warning};
 use crate::error::MujocoError;
+use crate::hardware::noise;
+use crate::law::{Law, laws, limits};
 use crate::overrides::apply;
-use crate::per_joint::PerJoint;
 use crate::rotation::{about_y, about_z, inverse, product, to_world, turn};
 use crate::sole::{self, Sole};
 use crate::store::load;
@@ -28,19 +29,6 @@ use crate::store::load;
 const INTEGRATION: u32 = MjtState::mjSTATE_INTEGRATION as u32;
 /// Kinds of warnings that MuJoCo counts.
 const WARNINGS: usize = MjtWarning::mjNWARNING as usize;
-/// A PD law on one joint.
-#[derive(Clone, Copy, Debug)]
-struct Law {
-    /// Stiffness where the controller names none.
-    kp: f64,
-    /// Damping where the controller names none.
-    kv: f64,
-    /// Largest torque, either way.
-    limit: f64,
-    /// What is asked of it.
-    asked: JointCommand,
-}
-
 /// A biped simulated by MuJoCo.
 ///
 /// Positions, velocities and the feet's places are those at the end of the control period; contact forces
@@ -90,25 +78,6 @@ pub struct MujocoRobot {
     warnings: [i32; WARNINGS],
     failure: Option<RobotError>,
     engine: Duration,
-}
-
-/// Where numbers came from.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Provenance {
-    /// The simulator and its version.
-    pub engine: String,
-    /// The model: `biped` or a path.
-    pub model: String,
-    /// SHA-256 of the compiled model, overrides and meshes included, in hex.
-    pub model_sha256: String,
-    /// Mass of the robot.
-    pub mass_kg: f64,
-    /// Gravity (x, y, z).
-    pub gravity_m_s2: [f64; 3],
-    /// Time between two physics steps.
-    pub time_step_s: f64,
-    /// Time between two commands.
-    pub control_period_s: f64,
 }
 
 /// A moment of a simulation, to go back to. Only meaningful for robots of the same configuration.
@@ -238,11 +207,9 @@ impl MujocoRobot {
     ///
     /// [`MujocoError::ForeignSnapshot`] if the snapshot belongs to a model with another number of states.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), MujocoError> {
-        let foreign = MujocoError::ForeignSnapshot {
-            expected: self.model.state_size(INTEGRATION),
-            found: snapshot.numbers.len(),
-        };
-        if snapshot.numbers.len() != self.model.state_size(INTEGRATION) {
+        let (expected, found) = (self.model.state_size(INTEGRATION), snapshot.numbers.len());
+        let foreign = MujocoError::ForeignSnapshot { expected, found };
+        if found != expected {
             return Err(foreign);
         }
         self.data.set_state(&snapshot.numbers, INTEGRATION).map_err(|_| foreign)?;
@@ -512,12 +479,12 @@ impl Robot for MujocoRobot {
         Ok(())
     }
 
-    fn engine_seconds(&self) -> Option<f64> {
-        Some(self.engine.as_secs_f64())
-    }
-
     fn geometry(&self) -> Vec<Shape> {
         crate::scene::shapes(&self.model)
+    }
+
+    fn engine_seconds(&self) -> Option<f64> {
+        Some(self.engine.as_secs_f64())
     }
 
     fn poses(&self, out: &mut Vec<Pose>) {
@@ -528,123 +495,5 @@ impl Robot for MujocoRobot {
     }
 }
 
-/// A normal disturbance; `None` for a standard deviation of zero.
-fn noise(standard_deviation: f64) -> Option<Normal<f64>> {
-    (standard_deviation > 0.0).then(|| Normal::new(0.0, standard_deviation).ok()).flatten()
-}
-
-/// The PD laws of every driven joint, at rest.
-fn laws(model: &MjModel, config: &MujocoConfig, binding: &Binding) -> Vec<Law> {
-    let most =
-        |legs: &Option<PerJoint>| legs.iter().flat_map(PerJoint::values).reduce(f64::max).unwrap_or(f64::INFINITY);
-    let law = |axis: &Axis| {
-        let own = torque_limit(model, axis);
-        let asked = JointCommand::position(axis.rest_rad);
-        if axis.of_leg {
-            let Given { kp, kv, torque_nm, .. } = axis.given;
-            let limit = torque_nm.map_or(own, |limit| limit.min(own));
-            return Law { kp: kp.unwrap_or(0.0), kv: kv.unwrap_or(0.0), limit, asked };
-        }
-        // Never stiffer than the legs.
-        let inertia = model.dof_m0()[axis.dof];
-        Law {
-            kp: (inertia * HOLD_RAD_S * HOLD_RAD_S).min(most(&config.kp_nm_rad)),
-            kv: (2.0 * inertia * HOLD_RAD_S).min(most(&config.kv_nms_rad)),
-            limit: own,
-            asked,
-        }
-    };
-    binding.axes.iter().map(law).collect()
-}
-
-/// The limits of a joint.
-fn limits(model: &MjModel, axis: &Axis, config: &MujocoConfig, torque_nm: f64) -> JointLimits {
-    let [mut lower, mut upper] = match model.jnt_limited()[axis.joint] {
-        true => model.jnt_range()[axis.joint],
-        false => [-std::f64::consts::PI, std::f64::consts::PI],
-    };
-    // What MuJoCo would cut off a servo's command is no part of the range.
-    if let Drive::Servo { ctrl, per_rad, offset, .. } = axis.drive
-        && model.actuator_ctrllimited()[ctrl]
-    {
-        let ends = model.actuator_ctrlrange()[ctrl].map(|end| (end - offset) / per_rad);
-        lower = lower.max(ends[0].min(ends[1]));
-        upper = upper.min(ends[0].max(ends[1]));
-    }
-    JointLimits { lower_rad: lower, upper_rad: upper, velocity_rad_s: config.velocity_limit_rad_s, torque_nm }
-}
-
 #[cfg(test)]
-mod tests {
-    use rand_chacha::rand_core::SeedableRng;
-
-    use super::*;
-
-    type Outcome = Result<(), Box<dyn std::error::Error>>;
-
-    /// The state as numbers: time, then the 17 positions, then the velocities.
-    const FIRST_VELOCITY: usize = 1 + 17;
-
-    #[test]
-    fn a_diverged_state_is_an_error_until_the_next_reset() -> Outcome {
-        let config = MujocoConfig::default();
-        let rest = MujocoRobot::new(config.clone())?.description().rest();
-        let rng = &mut ChaCha8Rng::seed_from_u64(1);
-        for poison in [f64::NAN, f64::INFINITY, 1e15] {
-            let mut robot = MujocoRobot::new(config.clone())?;
-            robot.reset(&rest, rng)?;
-            robot.step(&rest)?;
-            let mut moment = robot.snapshot();
-            moment.numbers[FIRST_VELOCITY] = poison;
-            robot.restore(&moment)?;
-            for _ in 0..2 {
-                let error = robot.step(&rest).err();
-                let Some(RobotError::Simulator { time_s, warning }) = error else {
-                    return Err(format!("{poison}: {error:?}").into());
-                };
-                assert!((time_s - 0.002).abs() < 1e-12 || (time_s - 0.004).abs() < 1e-12);
-                assert!(warning.contains("Nan, Inf or huge value"), "{warning}");
-            }
-            robot.reset(&rest, rng)?;
-            robot.step(&rest)?;
-        }
-        Ok(())
-    }
-
-    #[test]
-    fn two_halves_of_a_step_are_a_step_to_the_bit() -> Outcome {
-        let config = MujocoConfig::default();
-        let mut halves = MujocoRobot::new(config.clone())?;
-        let rest = halves.description().rest();
-        let commands: Vec<JointTargets> = (0..500)
-            .map(|period| {
-                let sway = 0.05 * (0.02 * f64::from(period)).sin();
-                let rests = rest.joints.iter().map(|c| c.position_rad).enumerate();
-                JointTargets::positions(rests.map(|(at, rest)| if at < 5 { rest + sway } else { rest - sway }))
-            })
-            .collect();
-        let mut whole = MujocoRobot::new(config)?;
-        for robot in [&mut halves, &mut whole] {
-            robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1))?;
-        }
-        let start = halves.data.qpos().to_vec();
-        for targets in &commands {
-            halves.step(targets)?;
-        }
-        whole.time_bare_steps(&commands);
-        assert_ne!(halves.data.qpos(), start, "it moved");
-        assert_eq!(halves.data.qpos(), whole.data.qpos());
-        assert_eq!(halves.data.qvel(), whole.data.qvel());
-        Ok(())
-    }
-
-    #[test]
-    fn a_foreign_snapshot_is_refused() -> Outcome {
-        let mut robot = MujocoRobot::new(MujocoConfig::default())?;
-        let mut moment = robot.snapshot();
-        moment.numbers = Box::new([0.0; 3]);
-        let found = 3;
-        assert!(matches!(robot.restore(&moment), Err(MujocoError::ForeignSnapshot { found: f, .. }) if f == found));
-        Ok(())
-    }
-}
+mod tests;

@@ -12,8 +12,8 @@ use stridemap_lab::{
 };
 use stridemap_learn::{ConstantPolicy, LearnError, LearnOutcome, Learner, SavedPolicy, TrialReport, TrialSummary};
 use stridemap_process::{Action, Next, StrideProcess, walk};
-use stridemap_record::{Measured, Summary};
-use stridemap_robot::{JointTargets, LegJoint, LegRole, Legs, RobotState};
+use stridemap_record::Summary;
+use stridemap_robot::{JointTargets, LegRole, Legs, RobotState};
 
 /// The paper's gait, with the knees some degrees straighter.
 struct StiffKnees {
@@ -38,11 +38,8 @@ impl Gait for StiffKnees {
     fn targets(&mut self, state: &RobotState, dt_s: f64, out: &mut JointTargets) {
         self.inner.targets(state, dt_s, out);
         for (_, joint, role) in self.legs.roles() {
-            let share = match joint {
-                LegJoint::Knee => 1.0,
-                LegJoint::HipPitch | LegJoint::AnklePitch => -0.5,
-                _ => 0.0,
-            };
+            // In the order of `LEG_JOINTS`: the knee, and half of it back in hip and ankle.
+            let share = [0.0, 0.0, -0.5, 1.0, -0.5, 0.0][joint.index()];
             out.joints[role.joint].position_rad += role.sign * share * self.straighter_rad;
         }
     }
@@ -76,9 +73,7 @@ static INSIDE: RewardPart = RewardPart {
 };
 
 /// Tries constant actions in the process and keeps the best.
-struct RandomSearch {
-    candidates: usize,
-}
+struct RandomSearch(usize);
 
 impl Learner for RandomSearch {
     fn improve(
@@ -90,24 +85,16 @@ impl Learner for RandomSearch {
     ) -> Result<LearnOutcome, LearnError> {
         let spec = process.spec().clone();
         let (mut best, mut most, mut strides) = (Action::new(), f64::NEG_INFINITY, 0);
-        for _ in 0..self.candidates {
+        for _ in 0..self.0 {
             let bounds = spec.action.iter().map(|a| (a.lower, a.upper - a.lower));
             let action: Action = bounds.map(|(l, w)| l + w * rng.random::<f64>()).collect();
-            let mut sum = 0.0;
-            walk(
-                process,
-                24,
-                rng,
-                |_| action.clone(),
-                |_, made| {
-                    (sum, strides) = (sum + made.stride.reward, strides + 1);
-                    if made.stride.end.is_terminal() {
-                        sum = f64::NEG_INFINITY;
-                        return Next::Stop;
-                    }
-                    Next::Go
-                },
-            )?;
+            let (mut sum, act) = (0.0, |_: &_| action.clone());
+            walk(process, 24, rng, act, |_, made| {
+                let fell = made.stride.end.is_terminal();
+                sum += if fell { f64::NEG_INFINITY } else { made.stride.reward };
+                strides += 1;
+                if fell { Next::Stop } else { Next::Go }
+            })?;
             if best.is_empty() || sum > most {
                 (best, most) = (action, sum);
             }
@@ -117,9 +104,7 @@ impl Learner for RandomSearch {
     }
 }
 
-struct Registered;
-
-impl Part for Registered {
+impl Part for RandomSearch {
     fn name(&self) -> &'static str {
         "random_search"
     }
@@ -128,7 +113,7 @@ impl Part for Registered {
     }
 }
 
-impl LearnerPart for Registered {
+impl LearnerPart for RandomSearch {
     fn needs_caution(&self) -> bool {
         false
     }
@@ -138,8 +123,8 @@ impl LearnerPart for Registered {
         rng: &mut ChaCha8Rng,
         observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
-        let candidates = known.task.learner.own.get("candidates").map_or(20, |n| *n as usize);
-        known.in_map(&mut RandomSearch { candidates }, None, true, rng, observer)
+        let candidates = known.task.learner.own.get("candidates").map_or(self.0, |n| *n as usize);
+        known.in_map(&mut RandomSearch(candidates), None, true, rng, observer)
     }
 }
 
@@ -148,7 +133,7 @@ pub fn learn(task: &str) -> Result<Summary, Box<dyn Error>> {
     gaits().add(&STIFF_KNEES)?;
     states().add(&PELVIS_HEIGHT)?;
     rewards().add(&INSIDE)?;
-    learners().add(&Registered)?;
+    learners().add(&RandomSearch(20))?;
     let task = builtin::load(task, &[])?.task;
     let mut algorithm = Algorithm::new(&task, 1)?;
     algorithm.learn(&mut NoRecorder)?;
@@ -157,8 +142,7 @@ pub fn learn(task: &str) -> Result<Summary, Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let summary = learn(concat!(env!("CARGO_MANIFEST_DIR"), "/own.toml"))?;
-    let reward = |measured: Option<Measured>| measured.map(|m| m.performance.mean_reward);
-    let (nominal, last) = (reward(summary.nominal), reward(summary.final_policy));
+    let [nominal, last] = [summary.nominal, summary.final_policy].map(|m| m.map(|m| m.performance.mean_reward));
     println!("nominal {nominal:.4?}, final {last:.4?}, {} strides", summary.strides.training);
     Ok(())
 }
