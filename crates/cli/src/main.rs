@@ -41,6 +41,7 @@ fn main() -> ExitCode {
     match done.and_then(|()| output::written()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
+            output::json_failure(&failure);
             output::error(&failure);
             failure.exit_code()
         }

@@ -67,8 +67,21 @@ pub fn usage(said: &clap::Error) {
     }
 }
 
+/// Whether a JSON document was printed.
+static PRINTED_JSON: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
+
+/// Prints a failure as the JSON document that was asked for, unless a result was printed already.
+pub fn json_failure(failure: &Failure) {
+    if std::env::args_os().any(|word| word == "--json") && !PRINTED_JSON.load(std::sync::atomic::Ordering::Relaxed) {
+        let causes: Vec<String> = failure.error().chain().map(ToString::to_string).collect();
+        let refused = matches!(failure, Failure::Request(_));
+        let _ = json(&serde_json::json!({ "error": causes.join(": "), "refused": refused }));
+    }
+}
+
 /// Prints a result as one JSON document.
 pub fn json(value: &impl Serialize) -> Result<(), Failure> {
+    PRINTED_JSON.store(true, std::sync::atomic::Ordering::Relaxed);
     line(serde_json::to_string_pretty(value)?);
     Ok(())
 }

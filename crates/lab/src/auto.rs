@@ -6,7 +6,7 @@ use crate::error::{Invalid, LabError};
 use crate::nominal::nominal_gait;
 use crate::plant::Plant;
 use crate::seed::{Role, stream};
-use crate::stepping::GaitVerdict;
+use crate::stepping::{GaitVerdict, Stepping};
 use crate::task::Task;
 
 /// Seed of what is asked of the robot: a task has one set of numbers, whatever the seed of the run.
@@ -18,7 +18,7 @@ const AVERAGED: usize = 4;
 const STEPS: [usize; 2] = [4, 10];
 /// A step of the ramp, as a share of the nominal gait's pitch amplitude.
 const STEP_SHARE: f64 = 0.08;
-/// A tilt so far beyond the nominal gait's is a warning.
+/// A tilt so far beyond the nominal gait's greatest is a warning.
 const TILT_DEG: f64 = 4.0;
 /// A stride so many times as long, or as short, as a nominal one is a warning.
 const LONGER: f64 = 1.4;
@@ -53,13 +53,15 @@ pub struct Ramp {
 /// # Errors
 ///
 /// [`LabError`] if the plant cannot be built or reset.
-pub fn ramp(task: &Task, step: f64, steps: usize, seed: u64) -> Result<Ramp, LabError> {
+pub fn ramp(task: &Task, nominal: &Stepping, step: f64, steps: usize, seed: u64) -> Result<Ramp, LabError> {
     let mut plant = task.plant()?;
     let neutral = task.action_limits()?[0].neutral;
     let mut rng = stream(seed, Role::Check, if step > 0.0 { 20 } else { 21 });
     plant.reset(&mut rng)?;
     let mut out = Ramp::default();
-    let (mut nominal_s, mut nominal_tilt_deg) = (0.0_f64, 0.0_f64);
+    // Irregular strides are no warning where the nominal gait has them.
+    let usual_s = 3.0 * nominal.stride_spread_s;
+    let within = [(nominal.stride_s - usual_s) / LONGER, (nominal.stride_s + usual_s) * LONGER];
     for k in 0..=steps {
         let value = neutral + step * k as f64;
         let mut seen = Vec::with_capacity(HELD);
@@ -67,11 +69,10 @@ pub fn ramp(task: &Task, step: f64, steps: usize, seed: u64) -> Result<Ramp, Lab
             let stride = plant.stride(&[value], &mut rng)?;
             let m = *plant.last_measures();
             let tilt_deg = plant.robot().state().base.tilt_rad().to_degrees();
-            if k == 0 {
-                nominal_s = nominal_s.max(m.duration_s);
-                nominal_tilt_deg = nominal_tilt_deg.max(tilt_deg);
-            }
-            out.warning = warning(&plant, stride.end, [m.duration_s, nominal_s], [tilt_deg, nominal_tilt_deg]);
+            out.warning = match (stride.end, k) {
+                (StrideEnd::Crossing, 0) => None,
+                (end, _) => warning(&plant, end, m.duration_s, within, tilt_deg - nominal.tilt_deg),
+            };
             if out.warning.is_some() {
                 return Ok(out);
             }
@@ -88,16 +89,16 @@ pub fn ramp(task: &Task, step: f64, steps: usize, seed: u64) -> Result<Ramp, Lab
     Ok(out)
 }
 
-/// Why a ramp must end here, in words.
-fn warning(plant: &Plant, end: StrideEnd, [s, nominal_s]: [f64; 2], [deg, nominal_deg]: [f64; 2]) -> Option<String> {
+/// Why a ramp must end here, in words: a stride that is no crossing, one whose duration is not within bounds, a tilt beyond the
+/// nominal gait's greatest.
+fn warning(plant: &Plant, end: StrideEnd, stride_s: f64, within: [f64; 2], beyond_deg: f64) -> Option<String> {
     if end != StrideEnd::Crossing {
         return Some(plant.last_fall().map_or_else(|| "it stopped".into(), |fall| fall.to_string()));
     }
-    if deg > nominal_deg + TILT_DEG {
-        return Some(format!("a tilt of {deg:.1} deg"));
+    if beyond_deg > TILT_DEG {
+        return Some(format!("a tilt {beyond_deg:.1} deg beyond the nominal gait's"));
     }
-    let [short, long] = [nominal_s / LONGER, nominal_s * LONGER];
-    (s < short || s > long).then(|| format!("a stride of {s:.2} s"))
+    (stride_s < within[0] || stride_s > within[1]).then(|| format!("a stride of {stride_s:.2} s"))
 }
 
 impl Task {
@@ -116,7 +117,7 @@ impl Task {
         if self.link.is_some() || self.action.len() != 1 || self.state.len() != 1 {
             let why =
                 "\"auto\" is for a simulated robot and tasks with one action and psi_roll as the state; give a number";
-            return Err(self.located(refuse(&key, why.into())));
+            return Err(refuse(&key, why.into()));
         }
         let gait = nominal_gait(self, SEED)?;
         if gait.verdict() != GaitVerdict::Steps {
@@ -124,15 +125,24 @@ impl Task {
                 "is read off the nominal gait, which {}: `stridemap tune FILE` searches one that steps",
                 if gait.fell.is_some() { "falls" } else { "only shuffles" }
             );
-            return Err(self.located(refuse(&key, why)));
+            return Err(refuse(&key, why));
         }
         let step = STEP_SHARE * self.gait.amplitude_deg.pitch;
         let mut wide = self.clone();
         let reach = [-step * (STEPS[0] as f64 + 1.0), step * (STEPS[1] as f64 + 1.0)];
         wide.action[0].bounds = reach;
-        let [down, up] = [ramp(&wide, -step, STEPS[0], SEED)?, ramp(&wide, step, STEPS[1], SEED)?];
-        let measured = Measured::of(&gait.stepping, [down, up])
-            .ok_or_else(|| self.located(refuse(&key, "no step of the ramp moves psi_roll clearly".into())))?;
+        let [down, up] =
+            [ramp(&wide, &gait.stepping, -step, STEPS[0], SEED)?, ramp(&wide, &gait.stepping, step, STEPS[1], SEED)?];
+        let spread_deg = gait.stepping.psi_roll_spread_deg;
+        let measured = Measured::of(spread_deg, [down, up]).map_err(|found| {
+            refuse(
+                &key,
+                format!(
+                    "is \"auto\", and no step of the ramp moves psi_roll clearly ({found}); `stridemap tune FILE --seed N` may find a \
+                     more regular gait, or give numbers: action.0.bounds, reward.0.target_deg, reward.0.weight"
+                ),
+            )
+        })?;
         measured.fill(self);
         self.auto.clear();
         self.validate()?;
@@ -154,25 +164,37 @@ struct Measured {
 }
 
 impl Measured {
-    fn of(stepping: &crate::stepping::Stepping, ramps: [Ramp; 2]) -> Option<Self> {
-        let psi_deg = ramps[1].steps.first()?.psi_roll_deg;
-        let spread_deg = stepping.psi_roll_spread_deg;
+    /// What the ramps show; in words, where that is not enough.
+    fn of(spread_deg: f64, ramps: [Ramp; 2]) -> Result<Self, String> {
+        let ended = |ramp: &Ramp| ramp.warning.clone().unwrap_or_else(|| "its end".into());
+        let [below, above] = [ended(&ramps[0]), ended(&ramps[1])];
         let steps = || ramps.iter().flat_map(|ramp| &ramp.steps);
+        let nominal = ramps.iter().find_map(|ramp| ramp.steps.first());
+        let Some(psi_deg) = nominal.map(|step| step.psi_roll_deg) else {
+            return Err(format!("the nominal gait itself gave a warning: {above}"));
+        };
         let bounds =
             [0.9 * steps().map(|s| s.value).fold(0.0, f64::min), 0.9 * steps().map(|s| s.value).fold(0.0, f64::max)];
         let low = steps().map(|s| s.psi_roll_deg - psi_deg).fold(0.0, f64::min);
         let high = steps().map(|s| s.psi_roll_deg - psi_deg).fold(0.0, f64::max);
         // Nearer to over the stance foot, as in the paper, unless hardly anything leads there.
         let away = if -low >= 0.5 * high { ASKED * low } else { ASKED * high };
-        let passed = |pick: fn(f64, f64) -> f64, i: usize| steps().map(|s| s.passed_deg[i]).reduce(pick);
-        let passed_deg = [passed(f64::min, 0)?, passed(f64::max, 1)?];
-        (bounds[0] < bounds[1] && away.abs() > CLEARLY * spread_deg && away.abs() > 1e-3).then_some(Self {
+        if bounds[0] >= bounds[1] || away.abs() <= CLEARLY * spread_deg || away.abs() <= 1e-3 {
+            return Err(format!(
+                "psi_roll moves by {low:+.3} to {high:+.3} deg about {psi_deg:.3}, its spread from stride to stride is \
+                 {spread_deg:.3}; the ramp ended at {below} below and {above} above"
+            ));
+        }
+        Ok(Self {
             psi_deg,
             spread_deg,
             target_deg: rounded(psi_deg + away),
             unit_deg: away.abs(),
             bounds: bounds.map(rounded),
-            passed_deg,
+            passed_deg: [
+                steps().map(|s| s.passed_deg[0]).fold(f64::INFINITY, f64::min),
+                steps().map(|s| s.passed_deg[1]).fold(f64::NEG_INFINITY, f64::max),
+            ],
             ramps,
         })
     }

@@ -149,10 +149,9 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         return Ok(report);
     }
 
-    if !check_nominal(task, seed, &mut report)? {
-        return Ok(report);
+    if let Some(task) = check_nominal(task, seed, &mut report)? {
+        check_excitation(&task, seed, &mut report)?;
     }
-    check_excitation(task, seed, &mut report)?;
     Ok(report)
 }
 
@@ -160,18 +159,19 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
 const TRY: &str = "`stridemap tune FILE` searches amplitudes, rest posture and gains that step";
 
 /// The nominal gait steps, every step shows a section, and the task's thresholds and prices fit it.
-fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<bool, LabError> {
-    let gait = match nominal_gait(task, seed) {
+/// `None` where it cannot work; else the task, with what it left to the robot told.
+fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<Option<Task>, LabError> {
+    let mut gait = match nominal_gait(task, seed) {
         Ok(gait) => gait,
         Err(LabError::NominalGaitFails { time_s, fall, how, .. }) => {
             let found = format!("falls in its start, after {time_s:.1} s: {fall}{how}; {TRY}");
             report.verdict = Some(GaitVerdict::Falls);
             report.item("nominal gait", false, found);
-            return Ok(false);
+            return Ok(None);
         }
         Err(LabError::Process(error)) => {
             report.item("nominal gait", false, error.to_string());
-            return Ok(false);
+            return Ok(None);
         }
         Err(error) => return Err(error),
     };
@@ -200,7 +200,16 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
     report.stepping = Some(gait.stepping.clone());
     report.verdict = Some(gait.verdict());
     if !report.item("nominal gait", gait.verdict() == GaitVerdict::Steps, found) {
-        return Ok(false);
+        return Ok(None);
+    }
+    let mut task = task.clone();
+    if !task.auto.is_empty() {
+        let told = task.tell().map(|_| task.told.join("; "));
+        let (ok, found) = told.map_or_else(|error| (false, error.to_string()), |told| (true, told));
+        if !report.item("auto", ok, found) {
+            return Ok(None);
+        }
+        gait = nominal_gait(&task, seed)?;
     }
     let [left, right] = gait.stances;
     let both = left > 0 && right > 0 && left.abs_diff(right) <= 1 + gait.strides / 10;
@@ -214,7 +223,7 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<boo
         )
     });
     let priced = report.item("falls", report.refused.is_none(), found);
-    Ok(both && priced)
+    Ok((both && priced).then_some(task))
 }
 
 /// Random actions move the next state: rank and gain of a linear fit.
@@ -302,7 +311,7 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
     let found = if weak.is_empty() {
         format!("every action moves the next state; {falls} falls in {excited_strides} strides")
     } else {
-        format!("no effect seen of {}; widen the bounds or choose another", weak.join(", "))
+        format!("no effect seen of {} beyond the noise; give it wider bounds, or choose another", weak.join(", "))
     };
     report.item("section map", weak.is_empty(), found);
     Ok(())

@@ -96,7 +96,9 @@ pub use steering::{Steered, can_steer, steer};
 pub use stepping::{GaitVerdict, Stepping};
 pub use strides::{Act, ActionSource, Batch, drive, make_strides};
 pub use success::SuccessConfig;
-pub use task::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, Task};
+pub use task::{
+    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, ScaleConfig, Task,
+};
 pub use trust::TrustConfig;
 pub use tune::{GaitSetting, Scale, Try, TuneOptions, Tuned, VARIANTS, tune};
 pub use walk::Walker;

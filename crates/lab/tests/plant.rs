@@ -126,5 +126,5 @@ fn pushes_move_the_section_and_left_and_right_differ() {
 fn a_robot_that_cannot_walk_is_an_error_that_says_what_to_do() {
     let mut plant = plant(&["gait.coupling_rad_s=0"]);
     let error = plant.reset(&mut ChaCha8Rng::seed_from_u64(1)).unwrap_err().to_string();
-    assert!(error.contains("stridemap check"), "{error}");
+    assert!(error.contains("tilt") && error.contains("stridemap tune"), "{error}");
 }

@@ -110,7 +110,14 @@ pub(crate) fn compile(source: &ModelSource, added: &[Missing]) -> Result<MjModel
                 return MjModel::from_buffer(&bytes).map_err(|e| error(e.to_string()));
             }
             if added.is_empty() && !foreign::is_urdf(path) {
-                return MjModel::from_xml(path).map_err(|e| error(e.to_string()));
+                // A file that is not there may be a picture's.
+                let whole = MjModel::from_xml(path).map_err(|e| e.to_string());
+                return whole
+                    .or_else(|told| match told.contains("Error opening file") {
+                        true => foreign::compile(path, added).map_err(|why| format!("{told}; {why}")),
+                        false => Err(told),
+                    })
+                    .map_err(error);
             }
             foreign::compile(path, added).map_err(error)
         }

@@ -47,6 +47,8 @@ pub struct Guess {
     pub joints: Vec<GuessedJoint>,
     /// What a user should look at, or should know.
     pub notes: Vec<String>,
+    /// Whether names and feet agree on which leg is the left one.
+    pub sides_agree: bool,
     /// Names of the model's keyframes.
     pub keyframes: Vec<String>,
 }
@@ -55,7 +57,7 @@ impl Guess {
     /// Whether nothing is in doubt.
     #[must_use]
     pub fn is_certain(&self) -> bool {
-        self.joints.iter().all(|joint| joint.certainty >= CERTAIN)
+        self.sides_agree && self.joints.iter().all(|joint| joint.certainty >= CERTAIN)
     }
 }
 
@@ -157,6 +159,7 @@ pub fn guess(model: &Path) -> Result<Guess, MujocoError> {
         },
         joints,
         notes,
+        sides_agree: certain_side,
         keyframes: (0..model.nkey() as usize)
             .filter_map(|key| model.id_to_name(MjtObjBase::mjOBJ_KEY, key))
             .filter(|name| !name.is_empty())

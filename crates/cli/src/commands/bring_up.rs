@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use stridemap_lab::{
-    GaitSetting, GaitVerdict, LabError, Scale, Task, Try, TuneOptions, VARIANTS, builtin, tune as search,
-};
+use stridemap_lab::{GaitSetting, GaitVerdict, Scale, Task, Try, TuneOptions, VARIANTS, builtin, tune as search};
 use stridemap_mujoco::{Guess, ModelSource, MujocoConfig, MujocoError, MujocoRobot, guess};
 use stridemap_record::files;
 use stridemap_robot::{LEG_JOINTS, Side};
-use toml_edit::{DocumentMut, Item, Table, value};
+use toml_edit::{DocumentMut, Item, Table, TableLike, value};
 
 use crate::args::Common;
 use crate::failure::Failure;
@@ -23,17 +21,17 @@ pub fn init_model(model: &Path, file: Option<&Path>, json: bool) -> Result<(), F
         return Err(Failure::request(format!("{} exists; choose another name or remove it", path.display())));
     }
     let found = guess(model).map_err(|error| match error {
-        MujocoError::NotABiped { .. } => Failure::working(error.to_string()),
-        error => LabError::from(error).into(),
+        MujocoError::Load { .. } => Failure::request(error.to_string()),
+        error => Failure::working(error.to_string()),
     })?;
     let text = task_file(&found, path)?;
     let mut document: DocumentMut =
         text.parse().map_err(|error| Failure::working(format!("the file that was to be written: {error}")))?;
     let mut task = builtin::load("stepping", &[])?.task;
-    task.robot = found.config.clone();
-    let scale = Scale::of(&task)?;
+    (task.robot, task.written) = (found.config.clone(), builtin::Written::default());
+    let scale = Scale::of(&task).map_err(|error| Failure::working(error.to_string()))?;
     let rule = scale.rung(1).rounded();
-    put(&mut document, &rule, "by the rule; `stridemap tune` searches");
+    put(&mut document, &rule, None, "by the rule; `stridemap tune` searches")?;
     files::write_whole(path, document.to_string().as_bytes())?;
     let shown = Found {
         file: path.display().to_string(),
@@ -160,8 +158,12 @@ fn model_from(model: &Path, file: &Path) -> String {
     near.map_or(model.clone(), PathBuf::from).display().to_string()
 }
 
-/// Puts a setting into a task file, with a word on each number.
-fn put(document: &mut DocumentMut, setting: &GaitSetting, from: &str) {
+/// Puts a setting into a task file, with a word on each number that has none. Comments stay.
+fn put(document: &mut DocumentMut, setting: &GaitSetting, walk: Option<(f64, f64)>, from: &str) -> Result<(), Failure> {
+    let in_place = walk.map_or_else(
+        || "in place".to_owned(),
+        |(deg, speed_m_s)| format!("in place; with {deg} it walks at {speed_m_s:.2} m/s"),
+    );
     let [hip, knee, ankle] = setting.rest_deg;
     let numbers: [(&[&str], f64, &str); 14] = [
         (&["robot", "kp_nm_rad"], setting.kp_nm_rad, "stiffness of the leg joints, instead of the model's own"),
@@ -175,30 +177,43 @@ fn put(document: &mut DocumentMut, setting: &GaitSetting, from: &str) {
         (&["gait", "amplitude_deg", "ankle_roll"], setting.ankle_roll_deg, ""),
         (&["gait", "amplitude_deg", "pitch"], setting.pitch_deg, "lifts the feet"),
         (&["gait", "phase", "position_filter_s"], setting.position_filter_s, ""),
-        (&["gait", "phase", "velocity_filter_s"], 0.6 * setting.position_filter_s, ""),
+        (&["gait", "phase", "velocity_filter_s"], setting.velocity_filter_s(), ""),
         (&["gait", "phase", "half_stance_m"], setting.half_stance_m, "half the distance of the feet"),
-        (&["gait", "amplitude_deg", "walk"], 0.0, "in place"),
+        (&["gait", "amplitude_deg", "walk"], 0.0, &in_place),
     ];
     for (key, number, why) in numbers {
         let Some((last, tables)) = key.split_last() else { continue };
-        let mut table = document.as_table_mut();
+        let mut table: &mut dyn TableLike = document.as_table_mut();
+        // A comment would end an inline table's line.
+        let mut inline = false;
         for name in tables {
             let entry = table.entry(name).or_insert_with(|| Item::Table(Table::new()));
-            match entry.as_table_mut() {
-                Some(inner) => table = inner,
-                None => return,
-            }
+            inline |= entry.is_inline_table();
+            table = entry.as_table_like_mut().ok_or_else(|| {
+                Failure::request(format!("{}: is no table, so that {last} cannot be written into it", tables.join(".")))
+            })?;
         }
         let number = format!("{number:.4e}").parse().unwrap_or(number);
-        let mut item = value(number);
-        if let (false, Some(item)) = (why.is_empty(), item.as_value_mut()) {
-            item.decor_mut().set_suffix(format!("  # {why}"));
+        let mut new = value(number);
+        if let Some(new) = new.as_value_mut() {
+            match table.get(last).and_then(Item::as_value) {
+                Some(old) => *new.decor_mut() = old.decor().clone(),
+                None if !why.is_empty() && !inline => new.decor_mut().set_suffix(format!("  # {why}")),
+                None => {}
+            }
         }
-        table.insert(last, item);
+        table.insert(last, new);
     }
     if let Some(Item::Table(gait)) = document.as_table_mut().get_mut("gait") {
-        gait.decor_mut().set_prefix(format!("\n# A gait {from}.\n"));
+        let before = gait.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or("\n");
+        let kept: Vec<&str> = before.lines().filter(|line| !line.starts_with("# A gait ")).collect();
+        let kept = kept.join("\n");
+        gait.decor_mut().set_prefix(format!(
+            "{}\n# A gait {from}.\n",
+            if kept.is_empty() { "" } else { kept.trim_end_matches('\n') }
+        ));
     }
+    Ok(())
 }
 
 /// What `tune` prints.
@@ -224,7 +239,16 @@ struct TunedShown {
 /// Searches a gait that steps and writes it into the task file.
 pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<(), Failure> {
     let name = super::verbs::text(file)?;
-    let loaded = builtin::load(name, &common.sets)?;
+    if !common.sets.is_empty() || common.robot.is_some() {
+        return Err(Failure::request("tune writes what it finds into the file: say there what --set or --robot would"));
+    }
+    if file.file_name().is_some_and(|name| name == "config.toml") && file.with_file_name("provenance.json").exists() {
+        return Err(Failure::request(format!(
+            "{}: is a run's record; tune the task file it came from",
+            file.display()
+        )));
+    }
+    let loaded = builtin::load(name, &[])?;
     let Some(path) = loaded.file.clone() else {
         return Err(Failure::request(format!(
             "{name} is built in and stays as it is; write a file of your own: stridemap init --model MODEL my-robot.toml"
@@ -249,8 +273,17 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
             }
             None => format!("found by `stridemap tune` (seed {})", common.seed),
         };
-        put(&mut document, &best.setting, &gained);
-        files::write_whole(&path, document.to_string().as_bytes())?;
+        put(&mut document, &best.setting, best.walk, &gained)?;
+        if std::fs::read_to_string(&path).ok().as_ref() != Some(&text) {
+            return Err(Failure::working(format!(
+                "{}: was edited while the search went on, and is left as it is; run tune again (the same seed finds the same gait)",
+                path.display()
+            )));
+        }
+        let mut wanted = task.clone();
+        best.setting.put_into(&mut wanted);
+        wanted.gait.amplitude_deg.walk = 0.0;
+        write_proven(&path, &document.to_string(), &wanted)?;
     }
     let shown = TunedShown {
         steps,
@@ -285,6 +318,26 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
         s.survived_s,
         100.0 * s.stepping.both_feet_share,
         s.stepping.falling.as_ref().map(|how| format!(", and fell {how}")).unwrap_or_default()
+    )))
+}
+
+/// Writes a task file if it reads as the robot and gait that are wanted.
+fn write_proven(path: &Path, text: &str, wanted: &Task) -> Result<(), Failure> {
+    let aside = path.with_file_name(format!(".{}.tuned", path.file_name().unwrap_or_default().to_string_lossy()));
+    files::write_whole(&aside, text.as_bytes())?;
+    let read = builtin::load_file(&aside, &[]);
+    let removed = std::fs::remove_file(&aside);
+    let why = match read {
+        Ok(now) if now.task.gait == wanted.gait && now.task.robot == wanted.robot => {
+            removed.map_err(|error| Failure::working(format!("{}: {error}", aside.display())))?;
+            return Ok(files::write_whole(path, text.as_bytes())?);
+        }
+        Ok(_) => "it would read as another gait".to_owned(),
+        Err(error) => error.to_string(),
+    };
+    Err(Failure::working(format!(
+        "{}: what was found cannot be written into it ({why}); the file is as it was: write [robot] and [gait] as tables",
+        path.display()
     )))
 }
 

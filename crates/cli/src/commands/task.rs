@@ -4,7 +4,7 @@ use std::path::Path;
 
 use stridemap_lab::{builtin, check as look};
 
-use super::on_robot;
+use super::in_network;
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -12,7 +12,9 @@ use stridemap_record::files;
 
 /// Looks at a task and says whether it can work.
 pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
-    let task = on_robot(builtin::load(name, &common.sets)?, common)?.task;
+    // What a task leaves to its robot is asked where the gait steps.
+    let mut task = builtin::load(name, &common.sets)?.on(common.robot.map(Into::into), common.seed)?.task;
+    in_network(&mut task, common)?;
     let report = look(&task, common.seed)?;
     if common.json {
         output::json(&report)?;

@@ -2,9 +2,12 @@
 
 mod check;
 mod parts;
+mod scale;
 
 pub(crate) use check::one_per;
 pub use parts::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig};
+
+pub use scale::ScaleConfig;
 
 use serde::{Deserialize, Serialize};
 use stridemap_gait::{Gait, GaitConfig};
@@ -77,8 +80,11 @@ pub struct Task {
     pub record: RecordConfig,
     /// When a run counts as a success.
     pub success: SuccessConfig,
+    /// The gait for which the actions were chosen, where they are to be scaled to this task's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<ScaleConfig>,
     /// Keys whose values the robot's own nominal gait has still to tell (`"auto"` in a file).
-    #[serde(skip)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub auto: Vec<String>,
     /// Where values came from that the robot told: a line each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

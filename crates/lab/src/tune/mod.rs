@@ -33,6 +33,8 @@ const CANDIDATES: usize = 6;
 pub const VARIANTS: usize = 8;
 /// Variants survived by a gait that needs no further search.
 const ROBUST: usize = 7;
+/// [`irregularity`] of a gait that needs no further search: strides alike enough to see what an action does.
+const REGULAR: f64 = 0.5;
 /// Forward amplitudes that are tried, in degrees.
 const WALKS_DEG: [f64; 6] = [2.0, 3.0, 4.0, 6.0, 8.0, 10.0];
 
@@ -103,7 +105,7 @@ pub fn tune(task: &Task, options: &TuneOptions, watch: &mut dyn FnMut(usize, &Tr
     let mut search = Search { task, options, tries: Vec::new(), simulated_s: 0.0, first: None, watch };
     let mut below = None;
     for rung in 0..RUNGS {
-        if below == Some(0) {
+        if below == Some(0) || search.tries.len() >= options.most_tries {
             break;
         }
         search.try_all("ladder", &[scale.rung(rung)])?;
@@ -115,7 +117,8 @@ pub fn tune(task: &Task, options: &TuneOptions, watch: &mut dyn FnMut(usize, &Tr
         search.evolve(&scale, SPREAD, true)?;
     }
     search.look_at_robustness()?;
-    if search.first.is_some() && search.most_robust().is_none_or(|i| search.tries[i].robust < Some(ROBUST)) {
+    let good = |t: &Try| t.robust >= Some(ROBUST) && irregularity(t) < REGULAR;
+    if search.first.is_some() && search.most_robust().is_none_or(|i| !good(&search.tries[i])) {
         search.evolve(&scale, NARROW, false)?;
         search.look_at_robustness()?;
     }
@@ -173,7 +176,8 @@ impl Search<'_> {
             };
             let shuffles = pitches(GaitVerdict::Shuffles).fold(f64::NAN, f64::max);
             let falls = pitches(GaitVerdict::Falls).filter(|&p| p > shuffles).fold(f64::NAN, f64::min);
-            if self.first.is_some() || shuffles.is_nan() || falls.is_nan() {
+            let enough = self.first.is_some() || self.tries.len() >= self.options.most_tries;
+            if enough || shuffles.is_nan() || falls.is_nan() {
                 break;
             }
             let between = GaitSetting { pitch_deg: (shuffles * falls).sqrt(), ..scale.rung(0) };

@@ -130,8 +130,14 @@ impl GaitSetting {
         gait.amplitude_deg.ankle_roll = self.ankle_roll_deg;
         gait.amplitude_deg.pitch = self.pitch_deg;
         gait.phase.position_filter_s = self.position_filter_s;
-        gait.phase.velocity_filter_s = 0.6 * self.position_filter_s;
+        gait.phase.velocity_filter_s = self.velocity_filter_s();
         gait.phase.half_stance_m = self.half_stance_m;
+    }
+
+    /// Time constant of the phase's velocity filter.
+    #[must_use]
+    pub fn velocity_filter_s(&self) -> f64 {
+        three_digits(0.6 * self.position_filter_s)
     }
 
     /// Rounded to three digits, as it is written down and tried.
