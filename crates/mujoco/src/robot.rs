@@ -36,7 +36,7 @@ const WARNINGS: usize = MjtWarning::mjNWARNING as usize;
 /// floor. The base is the body with the free joint, its axes those of the world in the model's reference
 /// posture. The joints are the model's, in its order and signs: those of the legs, and every other hinge and slide.
 ///
-/// A joint with a motor or without an actuator takes gains, a rate and a torque ([`JointCommand`]); one with a position
+/// A joint with a motor or without an actuator takes gains, a rate and a torque ([`JointCommand`](stridemap_robot::JointCommand)); one with a position
 /// servo of the model's takes angles, and refuses the rest by name.
 ///
 /// # Example
