@@ -5,7 +5,9 @@ use stridemap_process::{StrideEnd, StrideProcess};
 use crate::error::{Invalid, LabError};
 use crate::nominal::nominal_gait;
 use crate::plant::Plant;
+use crate::reward::RewardQuantity;
 use crate::seed::{Role, stream};
+use crate::state::StateComponent;
 use crate::stepping::{GaitVerdict, Stepping};
 use crate::task::Task;
 
@@ -29,22 +31,22 @@ const ASKED: f64 = 0.6;
 
 /// One value of a ramp, held for some strides.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RampStep {
+struct RampStep {
     /// The action's value.
-    pub value: f64,
+    value: f64,
     /// Mean `psi_roll` at the section in the last strides.
-    pub psi_roll_deg: f64,
+    psi_roll_deg: f64,
     /// Least and greatest `psi_roll` in all of them.
-    pub passed_deg: [f64; 2],
+    passed_deg: [f64; 2],
 }
 
 /// What a robot does as one action moves away from the nominal gait.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ramp {
+struct Ramp {
     /// From the nominal value outwards.
-    pub steps: Vec<RampStep>,
+    steps: Vec<RampStep>,
     /// Why it ended before its furthest value.
-    pub warning: Option<String>,
+    warning: Option<String>,
 }
 
 /// Moves the first action of a task away from its neutral value, step by step, and stops at the first warning: a fall, a
@@ -53,7 +55,7 @@ pub struct Ramp {
 /// # Errors
 ///
 /// [`LabError`] if the plant cannot be built or reset.
-pub fn ramp(task: &Task, nominal: &Stepping, step: f64, steps: usize, seed: u64) -> Result<Ramp, LabError> {
+fn ramp(task: &Task, nominal: &Stepping, step: f64, steps: usize, seed: u64) -> Result<Ramp, LabError> {
     let mut plant = task.plant()?;
     let neutral = task.action_limits()?[0].neutral;
     let mut rng = stream(seed, Role::Check, if step > 0.0 { 20 } else { 21 });
@@ -114,9 +116,14 @@ impl Task {
         }
         let refuse = |key: &str, requirement: String| LabError::Invalid(Invalid { key: key.into(), requirement });
         let key = self.auto[0].clone();
-        if self.link.is_some() || self.action.len() != 1 || self.state.len() != 1 {
-            let why =
-                "\"auto\" is for a simulated robot and tasks with one action and psi_roll as the state; give a number";
+        let rewards_psi = self.reward[0].quantity == RewardQuantity::PSI_ROLL_SQUARED_ERROR;
+        let asks_reward = self.auto.iter().any(|key| key.starts_with("reward."));
+        if self.link.is_some()
+            || self.action.len() != 1
+            || self.state != [StateComponent::PSI_ROLL_DEG]
+            || (asks_reward && !rewards_psi)
+        {
+            let why = "\"auto\" is for a simulated robot and tasks with one action, psi_roll_deg as the state and its error as the reward; give a number";
             return Err(refuse(&key, why.into()));
         }
         let gait = nominal_gait(self, SEED)?;

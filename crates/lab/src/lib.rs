@@ -63,7 +63,6 @@ mod walk;
 
 pub use algorithm::{Algorithm, NoRecorder, Progress, Recorder, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
-pub use auto::{Ramp, RampStep, ramp};
 pub use caution::CautionConfig;
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};

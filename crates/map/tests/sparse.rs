@@ -92,7 +92,7 @@ fn a_small_sparse_map_is_the_exact_one() {
     }
 }
 
-/// 4,000 strides: the law is found to a tenth of the noise, and the noise to a tenth; a file brings the map back, and
+/// 4,000 strides: the law is found to a quarter of the noise, and the noise to a tenth; a file brings the map back, and
 /// tells no more than it holds.
 #[test]
 fn many_strides_tell_the_law_and_its_noise() {

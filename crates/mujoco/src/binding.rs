@@ -7,7 +7,7 @@ use stridemap_robot::{LEG_JOINTS, LegJoint, LegRole, Legs, Side};
 use crate::config::{LegMap, MujocoConfig, no_such_name};
 use crate::engine::{allocation, name_of, own_bodies};
 use crate::error::MujocoError;
-use crate::per_joint::PerJoint;
+use crate::per_joint::{PerJoint, RestAngle};
 use crate::{actuators, foreign, world};
 
 /// Natural frequency with which a joint beyond the legs is held where the model gives it no servo.
@@ -322,6 +322,11 @@ fn check_names(
     if let Some(name) = config.rest_deg.keys().find(|name| !known.contains(&name.as_str())) {
         let field = format!("rest_deg.{name:?}");
         return Err(no_such_name(field, "leg joint or further hinge", name, known.into_iter()));
+    }
+    for name in of(false) {
+        if let Some(RestAngle::Each { .. }) = config.rest_deg.get(name) {
+            return Err(MujocoError::OneAngle { field: format!("rest_deg.{name:?}") });
+        }
     }
     let known: Vec<&str> = roles().chain(of(true)).collect();
     let tables = [

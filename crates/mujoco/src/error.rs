@@ -48,6 +48,12 @@ pub enum MujocoError {
         /// The nearest names in the model.
         near: Vec<String>,
     },
+    /// An angle for each leg, for a joint that is in none.
+    #[error("{field}: is no leg joint, so it has one angle: give a number")]
+    OneAngle {
+        /// Where it stands.
+        field: String,
+    },
     /// The same joint stands at two places of the joint map.
     #[error("{first} and {second} both name the joint {name:?}")]
     NamedTwice {
@@ -124,7 +130,7 @@ impl MujocoError {
         match self {
             Self::BadValue { field, .. } => field,
             Self::PeriodNotMultiple { .. } => "control_period_s",
-            Self::NoSuchName { field, .. } | Self::NotAHinge { field, .. } => field,
+            Self::NoSuchName { field, .. } | Self::NotAHinge { field, .. } | Self::OneAngle { field } => field,
             Self::NamedTwice { second, .. } => second,
             _ => "model",
         }
@@ -163,5 +169,7 @@ pub(crate) fn nearest<'a>(name: &str, among: impl Iterator<Item = &'a str>) -> V
         .filter(|(score, _)| *score > 0.6)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    // A role is there once for each leg.
+    scored.dedup_by_key(|(_, name)| *name);
     scored.into_iter().take(4).map(|(_, c)| c.into()).collect()
 }

@@ -74,7 +74,7 @@ fn free(world: &mut MjsBody) -> Result<(), String> {
 }
 
 /// A URDF's text as MuJoCo can read it: meshes by absolute paths, elements whose mesh is nowhere left out, what has a picture
-/// and no contact geometry given one of the same form, links without parts kept.
+/// and no contact geometry given one of the same form.
 fn readable(path: &Path, text: &str) -> Result<String, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let mut edits: Vec<(std::ops::Range<usize>, String)> = Vec::new();

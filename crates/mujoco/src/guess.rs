@@ -38,6 +38,14 @@ pub struct GuessedJoint {
     pub certainty: f64,
 }
 
+impl GuessedJoint {
+    /// How far its axis is from that of its role, in degrees, if that is far enough to look at.
+    #[must_use]
+    pub fn doubt_deg(&self) -> Option<f64> {
+        (self.certainty < CERTAIN).then(|| self.certainty.acos().to_degrees())
+    }
+}
+
 /// What was found of a biped in a model.
 #[derive(Clone, Debug)]
 pub struct Guess {
@@ -57,7 +65,7 @@ impl Guess {
     /// Whether nothing is in doubt.
     #[must_use]
     pub fn is_certain(&self) -> bool {
-        self.sides_agree && self.joints.iter().all(|joint| joint.certainty >= CERTAIN)
+        self.sides_agree && self.joints.iter().all(|joint| joint.doubt_deg().is_none())
     }
 }
 

@@ -46,13 +46,9 @@ pub fn init_model(model: &Path, file: Option<&Path>, json: bool) -> Result<(), F
     if json {
         return output::json(&shown);
     }
-    for (role, name, certainty) in &shown.joints {
-        let doubt = if *certainty < 0.9 {
-            format!("   look at this: its axis is {:.0} deg off", certainty.acos().to_degrees())
-        } else {
-            String::new()
-        };
-        output::line(format!("  {role:<18} {name}{doubt}"));
+    for (joint, (role, name, _)) in found.joints.iter().zip(&shown.joints) {
+        let doubt = joint.doubt_deg().map(|deg| format!("   look at this: its axis is {deg:.0} deg off"));
+        output::line(format!("  {role:<18} {name}{}", doubt.unwrap_or_default()));
     }
     output::line(format!("  feet               {}, {}", shown.feet[0], shown.feet[1]));
     for note in &shown.notes {
@@ -126,13 +122,14 @@ fn task_file(found: &Guess, path: &Path) -> Result<String, Failure> {
         let lacks = lacks.map(|joint| format!("{} = \"\"", joint.name()));
         let entries: Vec<String> = joints.chain(lacks).chain([format!("foot = {}", quoted(&map.foot))]).collect();
         text += &format!("{} = {{ {} }}\n", side.name(), entries.join(", "));
-        for joint in found.joints.iter().filter(|joint| joint.side == side && joint.certainty < 0.9) {
-            text += &format!(
-                "# look at {}.{}: its axis is {:.0} deg off what its name says\n",
-                side.name(),
-                joint.joint.name(),
-                joint.certainty.acos().to_degrees()
-            );
+        for joint in found.joints.iter().filter(|joint| joint.side == side) {
+            if let Some(deg) = joint.doubt_deg() {
+                text += &format!(
+                    "# look at {}.{}: its axis is {deg:.0} deg off what its name says\n",
+                    side.name(),
+                    joint.joint.name()
+                );
+            }
         }
     }
     Ok(text)
@@ -283,7 +280,7 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
         let mut wanted = task.clone();
         best.setting.put_into(&mut wanted);
         wanted.gait.amplitude_deg.walk = 0.0;
-        write_proven(&path, &document.to_string(), &wanted)?;
+        write_proven(&path, &as_lines_of(&text, &document.to_string()), &wanted)?;
     }
     let shown = TunedShown {
         steps,
@@ -319,6 +316,13 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
         100.0 * s.stepping.both_feet_share,
         s.stepping.falling.as_ref().map(|how| format!(", and fell {how}")).unwrap_or_default()
     )))
+}
+
+/// A text with the byte order mark and the line ends of another.
+fn as_lines_of(of: &str, text: &str) -> String {
+    let mark = if of.starts_with('\u{feff}') { "\u{feff}" } else { "" };
+    let lines = text.trim_start_matches('\u{feff}').replace("\r\n", "\n");
+    format!("{mark}{}", if of.contains("\r\n") { lines.replace('\n', "\r\n") } else { lines })
 }
 
 /// Writes a task file if it reads as the robot and gait that are wanted.
