@@ -21,6 +21,7 @@ use stridemap_record::files;
 const GIT_REVISION: Option<&str> = option_env!("STRIDEMAP_GIT_REVISION");
 
 fn main() -> ExitCode {
+    stridemap_lab::builtin::on_moved(|line| output::note(line));
     commands::process::end_with_parent();
     stop::outlive_full_files();
     let done = match Cli::try_parse() {

@@ -5,6 +5,7 @@ use serde::de::{Deserializer, Error, IntoDeserializer, Visitor};
 use serde::forward_to_deserialize_any;
 
 use crate::error::ConfigError;
+use crate::format::NONE;
 use crate::node::{Content, Node};
 
 impl<'de> IntoDeserializer<'de, ConfigError> for &'de Node {
@@ -32,9 +33,12 @@ impl<'de> Deserializer<'de> for &'de Node {
         }
     }
 
-    /// TOML has no null: what is given is `Some`.
+    /// TOML has no null: the word "none" unsets what may be left out, an inherited value too.
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ConfigError> {
-        visitor.visit_some(self)
+        match &self.content {
+            Content::String(word) if word == NONE => visitor.visit_none(),
+            _ => visitor.visit_some(self),
+        }
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(self, _: &'static str, visitor: V) -> Result<V::Value, ConfigError> {

@@ -7,8 +7,9 @@ use serde::de::DeserializeOwned;
 use serde_path_to_error::{Deserializer, Segment, Track};
 
 use crate::error::{ConfigError, Place, Source};
+use crate::format::{Format, Moved};
 use crate::key::{dotted, segments};
-use crate::load::{self, BuiltIn, EXTENDS, Text};
+use crate::load::{self, EXTENDS, Text};
 use crate::node::{Content, Node, Reader};
 
 /// A task, resolved: its own text laid over those it extends, and each `--set` over that.
@@ -16,6 +17,7 @@ use crate::node::{Content, Node, Reader};
 pub struct Document {
     root: Node,
     file: Option<PathBuf>,
+    moved: Vec<Moved>,
 }
 
 impl Document {
@@ -25,7 +27,7 @@ impl Document {
     ///
     /// - `sets` – `KEY=VALUE` each, laid over in this order. The value is TOML; what is not TOML
     ///   is a string. In an array a segment of the key is an index from 0.
-    /// - `built_in` – pairs of name and text.
+    /// - `format` – the built-in tasks, pairs of name and text, and what else the kind of file knows.
     ///
     /// # Errors
     ///
@@ -46,8 +48,9 @@ impl Document {
     ///      (built in: stepping, walking; or the path of a file)"
     /// );
     /// ```
-    pub fn load(name: &str, sets: &[String], built_in: &[(&str, &str)]) -> Result<Self, ConfigError> {
-        Self::resolve(&load::find(name, Path::new(""), built_in)?, sets, built_in)
+    pub fn load<'t>(name: &str, sets: &[String], format: impl Into<Format<'t>>) -> Result<Self, ConfigError> {
+        let format = format.into();
+        Self::resolve(&load::find(name, Path::new(""), format.built_in)?, sets, format)
     }
 
     /// Loads a file, even where a built-in task has the same name.
@@ -55,16 +58,23 @@ impl Document {
     /// # Errors
     ///
     /// As for [`load`](Self::load).
-    pub fn load_file(path: &Path, sets: &[String], built_in: &[(&str, &str)]) -> Result<Self, ConfigError> {
-        Self::resolve(&load::read(path)?, sets, built_in)
+    pub fn load_file<'t>(path: &Path, sets: &[String], format: impl Into<Format<'t>>) -> Result<Self, ConfigError> {
+        Self::resolve(&load::read(path)?, sets, format.into())
     }
 
-    fn resolve(text: &Text, sets: &[String], built_in: BuiltIn<'_>) -> Result<Self, ConfigError> {
-        let mut root = load::resolve(text, &mut Vec::new(), built_in)?;
+    fn resolve(text: &Text, sets: &[String], format: Format<'_>) -> Result<Self, ConfigError> {
+        let mut moved = Vec::new();
+        let mut root = load::resolve(text, &mut Vec::new(), format, &mut moved)?;
         for argument in sets {
-            set(&mut root, argument)?;
+            set(&mut root, argument, format, &mut moved)?;
         }
-        Ok(Self { root, file: text.file.clone() })
+        Ok(Self { root, file: text.file.clone(), moved })
+    }
+
+    /// What was read from where earlier versions had it, one line each with file, line, old key and new place.
+    #[must_use]
+    pub fn moved(&self) -> Vec<String> {
+        self.moved.iter().map(|(place, said)| format!("{place}: {said}")).collect()
     }
 
     /// The document as a typed configuration.
@@ -170,7 +180,7 @@ impl Document {
 }
 
 /// Lays one `KEY=VALUE` over a document.
-fn set(root: &mut Node, argument: &str) -> Result<(), ConfigError> {
+fn set(root: &mut Node, argument: &str, format: Format<'_>, moved: &mut Vec<Moved>) -> Result<(), ConfigError> {
     let source = Arc::new(Source {
         name: format!("--set {argument}"),
         // A path typed at the prompt starts where the prompt stands.
@@ -186,7 +196,8 @@ fn set(root: &mut Node, argument: &str) -> Result<(), ConfigError> {
         return Err(fault(&dotted(&path), problem));
     }
     let value = Reader::set_value(&source, &path, value.trim())?;
-    root.set(&path, 0, value)
+    root.set(&format.path(path), 0, value)?;
+    format.lay(root, root.empty(), moved)
 }
 
 /// Splits at the first `=` that stands outside quotes.

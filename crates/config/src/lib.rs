@@ -10,7 +10,8 @@
 //!               Document ── deserialize ──> a derived struct
 //! ```
 //!
-//! Tables merge key by key; everything else (arrays of tables too) replaces. `toml` parses, serde's derived
+//! Tables merge key by key; everything else (arrays of tables too, but for [`Components`]) replaces. What may be left out is
+//! unset by the word `"none"`. `toml` parses, serde's derived
 //! readers check, `serde_path_to_error` says at which key they stopped; this crate keeps the line of every
 //! value through the merge and words the faults. A key that is not a field is refused whether or not the struct
 //! says `deny_unknown_fields`. An integer stands for a float, never the reverse. An enum whose variants have no
@@ -45,6 +46,7 @@
 mod deserialize;
 mod document;
 mod error;
+mod format;
 mod key;
 mod load;
 mod node;
@@ -55,5 +57,6 @@ mod tests;
 
 pub use document::Document;
 pub use error::ConfigError;
+pub use format::{Components, Format};
 pub use key::nearest;
 pub use write::{to_toml, walk};

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::de::Error;
 
 use crate::error::{ConfigError, Source};
+use crate::format::{Format, Moved};
 use crate::node::{Content, Node, Reader};
 
 /// The key that names the task a text stands on.
@@ -14,9 +15,6 @@ pub(crate) const EXTENDS: &str = "extends";
 /// The longest chain of tasks. Real ones have two or three links.
 const MAX_CHAIN: usize = 32;
 
-/// Built-in tasks: pairs of name and text.
-pub(crate) type BuiltIn<'t> = &'t [(&'t str, &'t str)];
-
 pub(crate) struct Text {
     source: Arc<Source>,
     text: String,
@@ -24,7 +22,7 @@ pub(crate) struct Text {
 }
 
 /// A built-in task; any other name is a path, relative to the file that names it.
-pub(crate) fn find(name: &str, from: &Path, built_in: BuiltIn<'_>) -> Result<Text, ConfigError> {
+pub(crate) fn find(name: &str, from: &Path, built_in: &[(&str, &str)]) -> Result<Text, ConfigError> {
     if let Some((name, text)) = built_in.iter().find(|(task, _)| *task == name) {
         let source = Source { name: format!("built-in task {name}"), base_dir: None };
         return Ok(Text { source: Arc::new(source), text: (*text).to_owned(), file: None });
@@ -53,7 +51,12 @@ pub(crate) fn read(file: &Path) -> Result<Text, ConfigError> {
 }
 
 /// A text laid over those it extends. `chain`: the texts that extend this one.
-pub(crate) fn resolve(text: &Text, chain: &mut Vec<Arc<Source>>, built_in: BuiltIn<'_>) -> Result<Node, ConfigError> {
+pub(crate) fn resolve(
+    text: &Text,
+    chain: &mut Vec<Arc<Source>>,
+    format: Format<'_>,
+    moved: &mut Vec<Moved>,
+) -> Result<Node, ConfigError> {
     chain.push(Arc::clone(&text.source));
     let mut layer = Reader::document(&text.source, &text.text)?;
     let extends = match &mut layer.content {
@@ -61,7 +64,9 @@ pub(crate) fn resolve(text: &Text, chain: &mut Vec<Arc<Source>>, built_in: Built
         _ => None,
     };
     let Some(extends) = extends else {
-        return Ok(layer);
+        let mut root = layer.empty();
+        format.lay(&mut root, layer, moved)?;
+        return Ok(root);
     };
     let placed = |error: ConfigError| error.at(&extends.place, EXTENDS);
     let Content::String(name) = &extends.content else {
@@ -69,7 +74,7 @@ pub(crate) fn resolve(text: &Text, chain: &mut Vec<Arc<Source>>, built_in: Built
         return Err(placed(Error::invalid_type(extends.unexpected(), expected)));
     };
     let from = text.source.base_dir.as_deref().unwrap_or(Path::new(""));
-    let below = find(name, from, built_in).map_err(placed)?;
+    let below = find(name, from, format.built_in).map_err(placed)?;
     if chain.contains(&below.source) {
         let chain = chain.iter().chain([&below.source]).map(|source| &*source.name);
         let chain = chain.collect::<Vec<_>>().join(" -> ");
@@ -79,7 +84,7 @@ pub(crate) fn resolve(text: &Text, chain: &mut Vec<Arc<Source>>, built_in: Built
         let message = format!("more than {MAX_CHAIN} tasks extend one another");
         return Err(placed(Error::custom(message)));
     }
-    let mut below = resolve(&below, chain, built_in)?;
-    below.merge(layer);
+    let mut below = resolve(&below, chain, format, moved)?;
+    format.lay(&mut below, layer, moved)?;
     Ok(below)
 }

@@ -32,6 +32,11 @@ pub(crate) enum Content {
 }
 
 impl Node {
+    /// An empty table at the same place.
+    pub fn empty(&self) -> Self {
+        Self { place: self.place.clone(), content: Content::Table(Map::new()) }
+    }
+
     /// The deepest node on a path, and how many of its segments lead there.
     pub fn descend(&self, path: &[String]) -> (&Self, usize) {
         let mut node = self;
@@ -85,7 +90,7 @@ impl Node {
             };
             return item.set(path, depth + 1, value);
         }
-        let empty = Self { place: value.place.clone(), content: Content::Table(Map::new()) };
+        let empty = value.empty();
         if !matches!(self.content, Content::Table(_)) {
             *self = empty.clone();
         }

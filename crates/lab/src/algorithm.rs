@@ -189,8 +189,8 @@ impl<'a> Algorithm<'a> {
     ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
         let mut rng = stream(self.seed, stream_of.0, stream_of.1);
         let source = match (policy, batch.phase) {
-            (None, _) => ActionSource::Explore(&self.task.collect.explore),
-            (Some(p), StridePhase::Collect) => ActionSource::Sample(p, &self.task.collect.later_noise_std),
+            (None, _) => ActionSource::Explore(self.task.exploration()),
+            (Some(p), StridePhase::Collect) => ActionSource::Sample(p, self.task.of_each(|a| a.later_noise_std)),
             (Some(p), _) => ActionSource::Mean(p),
         };
         self.make(&mut Source::new(&source), batch, what, &mut rng, recorder)

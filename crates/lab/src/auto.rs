@@ -241,17 +241,15 @@ impl Measured {
         }
         if on("failure.psi_roll_below_deg") {
             let least = self.passed_deg[0].min(self.psi_deg - unit);
-            task.failure.psi_roll_below_deg = rounded(least - unit.max(1.0));
-            told.push(format!(
-                "failure.psi_roll_below_deg = {}: the ramp passed {:.3}",
-                task.failure.psi_roll_below_deg, self.passed_deg[0]
-            ));
+            let below = rounded(least - unit.max(1.0));
+            task.failure.psi_roll_below_deg = Some(below);
+            told.push(format!("failure.psi_roll_below_deg = {below}: the ramp passed {:.3}", self.passed_deg[0]));
         }
-        if on("collect.explore.center") {
-            task.collect.explore.center = vec![[low, 0.8 * high].map(rounded)];
+        if on("action.0.explore.center") {
+            task.action[0].explore.center = [low, 0.8 * high].map(rounded);
         }
-        if on("collect.explore.std") {
-            task.collect.explore.std = vec![rounded(0.046 * range)];
+        if on("action.0.explore.std") {
+            task.action[0].explore.std = rounded(0.046 * range);
         }
         if on("map.state_range") {
             task.map.state_range = vec![[-90.0, rounded(self.passed_deg[1].max(self.psi_deg) + 4.0 * unit)]];
@@ -260,8 +258,11 @@ impl Measured {
             let (least, most) = (self.passed_deg[0].min(self.target_deg), self.passed_deg[1].max(self.target_deg));
             task.map.start_range = vec![[rounded(least - 0.5 * unit), rounded(most + 0.5 * unit)]];
         }
-        if on("learner.actor_critic.action_unit") {
-            task.learner.actor_critic.action_unit = vec![rounded(0.31 * range)];
+        if on("action.0.unit") {
+            task.action[0].unit = rounded(0.31 * range);
+        }
+        if on("action.0.output_unit") {
+            task.action[0].output_unit = rounded(0.31 * range);
         }
         if on("learner.actor_critic.basis_widths") {
             task.learner.actor_critic.basis_widths = vec![rounded(0.5 * unit)];

@@ -1,13 +1,14 @@
 //! Built-in tasks, and tasks from files.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, OnceLock};
 
-use stridemap_config::{ConfigError, Document, nearest, to_toml};
+use stridemap_config::{ConfigError, Document, Format, nearest, to_toml};
 use stridemap_mujoco::{ModelSource, MujocoError};
 
 use crate::error::{Invalid, LabError};
-use crate::task::Task;
+use crate::task::{COMPONENTS, Task};
 
 /// Name and text of every built-in task.
 pub const TASKS: [(&str, &str); 9] = [
@@ -25,19 +26,33 @@ pub const TASKS: [(&str, &str); 9] = [
 /// What a file says instead of a value that the robot is to tell.
 pub(crate) const WORD: &str = "auto";
 /// Keys that may say so, and what stands there until then.
-pub(crate) const KEYS: [(&str, &str); 11] = [
+pub(crate) const KEYS: [(&str, &str); 12] = [
     ("action.0.bounds", "[-0.001, 0.001]"),
     ("reward.0.weight", "0.1"),
     ("reward.0.target_deg", "0.0"),
     ("failure.psi_roll_below_deg", "-90.0"),
-    ("collect.explore.center", "[[-0.001, 0.001]]"),
-    ("collect.explore.std", "[0.0001]"),
+    ("action.0.explore.center", "[-0.001, 0.001]"),
+    ("action.0.explore.std", "0.0001"),
     ("map.state_range", "[[-90.0, 90.0]]"),
     ("map.start_range", "[[-1.0, 1.0]]"),
-    ("learner.actor_critic.action_unit", "[1.0]"),
+    ("action.0.unit", "1.0"),
+    ("action.0.output_unit", "1.0"),
     ("learner.actor_critic.basis_widths", "[1.0]"),
     ("success.psi_roll_within_deg", "1.0"),
 ];
+
+/// What a task file is.
+const FORMAT: Format<'_> = Format { built_in: &TASKS, components: Some(COMPONENTS) };
+
+/// Who is told what a task file says in the words of an earlier version.
+static LISTENER: OnceLock<fn(&str)> = OnceLock::new();
+static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+/// Has each key that a task file has where an earlier version had it told, with file, line and new place, once; without this,
+/// such keys are read in silence. Only the first call counts.
+pub fn on_moved(listener: fn(&str)) {
+    _ = LISTENER.set(listener);
+}
 
 /// A task, read and checked.
 #[derive(Clone, Debug)]
@@ -87,7 +102,7 @@ impl Task {
 /// # Ok::<(), stridemap_lab::LabError>(())
 /// ```
 pub fn load(name_or_path: &str, sets: &[String]) -> Result<LoadedTask, LabError> {
-    finish(Document::load(name_or_path, sets, &TASKS).map_err(config)?)
+    finish(Document::load(name_or_path, sets, FORMAT).map_err(config)?)
 }
 
 /// Loads a task file by its path, even where a built-in task has the same name.
@@ -96,7 +111,7 @@ pub fn load(name_or_path: &str, sets: &[String]) -> Result<LoadedTask, LabError>
 ///
 /// As [`load`].
 pub fn load_file(path: &Path, sets: &[String]) -> Result<LoadedTask, LabError> {
-    finish(Document::load_file(path, sets, &TASKS).map_err(config)?)
+    finish(Document::load_file(path, sets, FORMAT).map_err(config)?)
 }
 
 impl Task {
@@ -110,11 +125,25 @@ impl Task {
     }
 }
 
+/// A task as an earlier version recorded it, in the words of this one; as it is, where it is none.
+pub(crate) fn in_words_of_now(task: serde_json::Value) -> serde_json::Value {
+    let read = || {
+        let text = to_toml(&task).ok()?;
+        let built_in: &[(&str, &str)] = &[("provenance.json", &text)];
+        let document = Document::load("provenance.json", &[], Format { built_in, ..FORMAT }).ok()?;
+        serde_json::to_value(document.deserialize::<Task>().ok()?).ok()
+    };
+    read().unwrap_or(task)
+}
+
 fn config(error: ConfigError) -> LabError {
     LabError::Config(Box::new(error))
 }
 
 fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
+    if let (Some(listener), Ok(mut told)) = (LISTENER.get(), TOLD.lock()) {
+        document.moved().into_iter().filter(|line| told.insert(line.clone())).for_each(|line| listener(&line));
+    }
     let found_later = document.stand_in(WORD, &KEYS);
     let mut task: Task = document.deserialize().map_err(config)?;
     task.auto.extend(found_later);
@@ -220,6 +249,43 @@ mod tests {
         assert!(error.is_request() && error.to_string().contains("--controls"), "{error}");
     }
 
+    /// A run of an earlier version, and a file with its keys, mean what they meant.
+    #[test]
+    fn lists_with_a_value_per_component_are_read_from_where_they_were() {
+        let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../mutate/corpus");
+        for (file, name) in [("stepping", "stepping"), ("walking", "walking"), ("small-walking", "small-walking")] {
+            let old = load_file(&corpus.join(format!("task/{file}-resolved.toml")), &[]).unwrap().task;
+            let now = load(name, &[]).unwrap().task;
+            assert_eq!(
+                (&old.action, &old.caution, old.collect.explore),
+                (&now.action, &now.caution, now.collect.explore)
+            );
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("old.toml");
+        let read = |text: &str, sets: &[&str]| {
+            std::fs::write(&file, format!("extends = \"walking-single\"\nname = \"old\"\n{text}")).unwrap();
+            load_file(&file, &sets.iter().map(|set| (*set).to_owned()).collect::<Vec<_>>())
+        };
+        let action = "[[action]]\nmodulates = \"walk_amplitude_deg\"\nbounds = [0, 9]\n";
+        let task = read(&format!("{action}[collect.explore]\ncenter = [[0, 4]]\n"), &["caution.proof.back_off.0=3"]);
+        let task = task.unwrap().task;
+        let [a] = &task.action[..] else { panic!() };
+        assert_eq!((a.bounds, a.rate_per_stride, a.gain), ([0.0, 9.0], None, 1.0));
+        assert_eq!((a.explore.center, a.explore.std, a.unit, a.output_unit), ([0.0, 4.0], 0.4, 1.0, 4.0));
+        assert_eq!((a.back_off, a.dither_std), (3.0, Some(0.0)));
+        let moved = task.written.0.as_ref().unwrap().moved().join("\n");
+        assert!(
+            moved.contains("old.toml:7: collect.explore.center is now `explore.center` in each [[action]]"),
+            "{moved}"
+        );
+        let error = read("[caution.trust]\nunit = [1, 2]", &[]).unwrap_err().to_string();
+        let expected = "old.toml:4: caution.trust.unit: has 2 entries, needs one per component of the action: 1";
+        assert!(error.contains(expected), "{error}");
+        let error = read("[collect.explore]\nstd = [-1]", &[]).unwrap_err().to_string();
+        assert!(error.ends_with("old.toml:4: action.0.explore.std: is -1, must be not negative"), "{error}");
+    }
+
     #[test]
     fn unused_learners_are_not_checked() {
         // Another state needs other widths of the actor-critic, where that is the learner.
@@ -303,6 +369,7 @@ mod tests {
             ("action.0.bounds=[5, -5]", "action.0.bounds"),
             ("action.0.modulates=walk_amplitude", "walk_amplitude_deg"),
             ("collect.explore.std=[0.1, 0.2]", "collect.explore.std"),
+            ("action.0.explore.std=-1", "action.0.explore.std"),
             ("failure.com_height_below=7", "failure.com_height_below"),
         ] {
             let error = load("stepping", &[set.into()]).unwrap_err();

@@ -38,7 +38,7 @@ impl Algorithm<'_> {
             .learner
             .kind
             .first_actions(self.task, self.plant.in_place())
-            .unwrap_or(ActionSource::Explore(&self.task.collect.explore));
+            .unwrap_or(ActionSource::Explore(self.task.exploration()));
         let guard = &caution.guard;
         let thresholds = guard.thresholds(self.plant.in_place(), 0.0);
         let mut explorer = GuardedExplorer::new(
@@ -97,8 +97,9 @@ impl Algorithm<'_> {
             };
             let guard = (&caution.guard, thresholds);
             // Who has no map learns nothing from dither.
-            let dither: &[f64] = if self.task.learner.kind.uses_map() { &config.dither_std } else { &[] };
-            let mut prover = Prover::new(config, guard, dither, &policy, &fallback, beat_m_s);
+            let dither = if self.task.learner.kind.uses_map() { self.task.dither_std() } else { Vec::new() };
+            let back_off = self.task.of_each(|a| a.back_off);
+            let mut prover = Prover::new(config, guard, &dither, &policy, (&fallback, back_off), beat_m_s);
             let (made, counted) = self.make(&mut prover, batch, None, &mut rng, recorder)?;
             proof = prover.proof();
             let warned =

@@ -24,20 +24,20 @@ pub struct CautionConfig {
 }
 
 impl CautionConfig {
-    /// Checks every parameter for a task of this many components of the action.
+    /// Checks every parameter.
     ///
     /// # Errors
     ///
     /// [`LabError::Invalid`] with the key at fault.
-    pub fn validate(&self, actions: usize) -> Result<(), LabError> {
+    pub fn validate(&self) -> Result<(), LabError> {
         let invalid = |key: &str, requirement: String| {
             Err(LabError::Invalid(Invalid { key: format!("caution.{key}"), requirement }))
         };
         let (g, p, t, f) = (&self.guard, &self.pessimism, &self.trust, &self.proof);
         for (key, value, positive) in [
-            ("guard.pitch_rate_change_deg_s", g.pitch_rate_change_deg_s, true),
-            ("guard.turn_deg", g.turn_deg, true),
-            ("guard.heading_deg", g.heading_deg, true),
+            ("guard.pitch_rate_change_deg_s", g.pitch_rate_change_deg_s.unwrap_or(1.0), true),
+            ("guard.turn_deg", g.turn_deg.unwrap_or(1.0), true),
+            ("guard.heading_deg", g.heading_deg.unwrap_or(1.0), true),
             ("guard.exploring_factor", g.exploring_factor, true),
             ("guard.residual_stds", g.residual_stds, false),
             ("pessimism.std_weight", p.std_weight, false),
@@ -56,36 +56,10 @@ impl CautionConfig {
                 return invalid(key, format!("is {value}, must be finite and {word}"));
             }
         }
-        for (key, value) in [
-            ("guard.psi_roll_below_in_place_deg", g.psi_roll_below_in_place_deg),
-            ("pessimism.psi_roll_below_in_place_deg", p.psi_roll_below_in_place_deg),
-        ] {
-            if !value.is_finite() {
-                return invalid(key, format!("is {value}, must be finite"));
-            }
-        }
-        let dither = &f.dither_std;
-        if !dither.is_empty() && (dither.len() != actions || dither.iter().any(|s| !(s.is_finite() && *s >= 0.0))) {
-            return invalid(
-                "proof.dither_std",
-                format!("needs {actions} numbers that are not negative, one per component of the action"),
-            );
-        }
         if let Some(m) = &g.mean_psi_roll
-            && !(m.strides > 0 && m.above_in_place_deg.is_finite())
+            && m.strides == 0
         {
-            return invalid("guard.mean_psi_roll", "needs at least 1 stride and a finite above_in_place_deg".into());
-        }
-        for (key, list, positive) in [("trust.unit", &t.unit, true), ("proof.back_off", &f.back_off, false)] {
-            if list.len() != actions {
-                return invalid(
-                    key,
-                    format!("has {} entries, needs one per component of the action: {actions}", list.len()),
-                );
-            }
-            if let Some(v) = list.iter().find(|v| !(v.is_finite() && (!positive || **v > 0.0))) {
-                return invalid(key, format!("{v} is outside its domain"));
-            }
+            return invalid("guard.mean_psi_roll", "needs at least 1 stride".into());
         }
         if f.shrink_on_warning >= 1.0 || t.shrink > 1.0 || t.grow < 1.0 {
             return invalid("trust", "growing factors are at least 1, shrinking ones below 1".into());

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
-use stridemap_process::{ProcessError, StrideEnd};
+use stridemap_process::{ActionLimits, ProcessError, StrideEnd};
 use stridemap_record::{StridePhase, StrideRole};
 use stridemap_robot::{Robot, Side};
 
@@ -11,8 +11,8 @@ use crate::error::LabError;
 use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
 use crate::seed::{Role, stream};
 use crate::stepping::{CLEARANCE_SHARE, GaitVerdict, Stepping};
-use crate::strides::{ActionSource, Batch, make_strides};
-use crate::task::{ExploreConfig, Task};
+use crate::strides::{ActionSource, Batch, Exploration, make_strides};
+use crate::task::{ExploreRange, Task};
 
 /// Strides with random actions to see whether the action moves the map.
 const EXCITED_STRIDES: usize = 40;
@@ -230,15 +230,12 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<Opt
 fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<(), LabError> {
     let mut plant = task.plant()?;
     let limits = task.action_limits()?;
-    let explore = ExploreConfig {
-        center: limits
-            .iter()
-            .map(|l| {
-                let half = 0.5 * EXCITED_SHARE * (l.upper - l.lower);
-                [(l.neutral - half).max(l.lower), (l.neutral + half).min(l.upper)]
-            })
-            .collect(),
-        std: vec![0.0; limits.len()],
+    let range = |l: &ActionLimits| {
+        let half = 0.5 * EXCITED_SHARE * (l.upper - l.lower);
+        ExploreRange { center: [(l.neutral - half).max(l.lower), (l.neutral + half).min(l.upper)], std: 0.0 }
+    };
+    let explore = Exploration {
+        ranges: limits.iter().map(range).collect(),
         // Actions of limited rate need some strides to get anywhere.
         hold: if limits.iter().any(|l| l.rate_per_stride.is_finite()) { 4 } else { 1 },
     };
@@ -246,7 +243,7 @@ fn check_excitation(task: &Task, seed: u64, report: &mut CheckReport) -> Result<
     let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: excited_strides };
     let mut rng = stream(seed, Role::Check, 2);
     let transitions =
-        make_strides(&mut plant, &ActionSource::Explore(&explore), batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()));
+        make_strides(&mut plant, &ActionSource::Explore(explore), batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()));
     let transitions = match transitions {
         Ok(transitions) => transitions,
         Err(LabError::Process(error)) => {

@@ -89,13 +89,12 @@ fn frozen_policies(
 /// Mean reward on the robot of each frozen stochastic policy, every one from a fresh start and with
 /// the same random stream in both arms.
 fn measure(task: &Task, plant: &mut Plant, frozen: &[GaussianPolicy], seed: u64) -> Result<Vec<f64>, LabError> {
-    let no_noise = vec![0.0; task.action.len()];
     let batch =
         Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: STRIDES_PER_POINT };
     let mut rewards = Vec::with_capacity(frozen.len());
     for (trial, policy) in frozen.iter().enumerate() {
         let mut rng = stream(seed, Role::Compare, trial as u64);
-        let source = ActionSource::Sample(policy, &no_noise);
+        let source = ActionSource::Sample(policy, vec![0.0; task.action.len()]);
         let transitions = make_strides(plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
         rewards.push(Performance::of(&transitions, 0).mean_reward);
     }

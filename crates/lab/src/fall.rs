@@ -16,8 +16,9 @@ use crate::state::StateComponent;
 pub struct FailureConfig {
     /// Reward of a fall or a stall.
     pub reward: f64,
-    /// A section with `ψ_roll` below this is a fall (the mass hangs over the outer side).
-    pub psi_roll_below_deg: f64,
+    /// A section with `ψ_roll` below this is a fall (the mass hangs over the outer side); left out: no `ψ_roll` is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi_roll_below_deg: Option<f64>,
     /// Whether `psi_roll_below_deg` counts from the robot's own mean `ψ_roll` when it steps in place
     /// (over its warm-up strides), so that it means the same on a heavier robot.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -39,10 +40,10 @@ impl FailureConfig {
     /// while a relative threshold has nothing to be relative to.
     #[must_use]
     pub fn least_psi_roll_deg(&self, in_place: &InPlace) -> f64 {
-        match (self.psi_roll_relative, in_place.sections) {
-            (false, _) => self.psi_roll_below_deg,
-            (true, 0) => f64::NEG_INFINITY,
-            (true, _) => in_place.psi_roll_deg + self.psi_roll_below_deg,
+        match (self.psi_roll_below_deg, self.psi_roll_relative, in_place.sections) {
+            (None, ..) | (_, true, 0) => f64::NEG_INFINITY,
+            (Some(below), false, _) => below,
+            (Some(below), true, _) => in_place.psi_roll_deg + below,
         }
     }
 
@@ -108,7 +109,7 @@ mod tests {
 
     const FAILURE: FailureConfig = FailureConfig {
         reward: -1.0,
-        psi_roll_below_deg: -5.0,
+        psi_roll_below_deg: Some(-5.0),
         psi_roll_relative: true,
         com_height_below: 0.75,
         tilt_above_deg: 45.0,

@@ -19,19 +19,23 @@ use stridemap_record::{InPlace, StrideMeasures, Warning};
 pub struct GuardConfig {
     /// First strides of an episode in which it is silent about the pitch rate: the start is uneven.
     pub silent_strides: usize,
-    /// Changes of the pitch rate that are large on any robot, deg/s.
-    pub pitch_rate_change_deg_s: f64,
+    /// Changes of the pitch rate that are large on any robot, deg/s; left out: not watched, as for all below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch_rate_change_deg_s: Option<f64>,
     /// Change of heading over two strides, one on each leg, that is large, deg.
-    pub turn_deg: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turn_deg: Option<f64>,
     /// Change of heading since the episode began that is large, deg.
-    pub heading_deg: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heading_deg: Option<f64>,
     /// Factor on the large changes and turns while exploring, whose targets move by themselves.
     pub exploring_factor: f64,
     /// Added to the changes of the pitch rate, in standard deviations of what the map cannot predict of the pitch rate.
     pub residual_stds: f64,
     /// `ψ_roll` this far below its mean in place is low, deg.
-    pub psi_roll_below_in_place_deg: f64,
-    /// When the running mean of `ψ_roll` is high; left out: not watched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi_roll_below_in_place_deg: Option<f64>,
+    /// When the running mean of `ψ_roll` is high.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean_psi_roll: Option<MeanRollConfig>,
 }
@@ -63,12 +67,12 @@ impl GuardConfig {
     ///
     /// let config = GuardConfig {
     ///     silent_strides: 3,
-    ///     pitch_rate_change_deg_s: 6.0,
-    ///     turn_deg: 6.5,
-    ///     heading_deg: 25.0,
+    ///     pitch_rate_change_deg_s: Some(6.0),
+    ///     turn_deg: Some(6.5),
+    ///     heading_deg: None,
     ///     exploring_factor: 2.0,
     ///     residual_stds: 2.0,
-    ///     psi_roll_below_in_place_deg: 2.0,
+    ///     psi_roll_below_in_place_deg: Some(2.0),
     ///     mean_psi_roll: None,
     /// };
     /// let in_place = InPlace { sections: 9, psi_roll_deg: -0.8, pitch_rate_change_deg_s: 0.5 };
@@ -79,12 +83,12 @@ impl GuardConfig {
     #[must_use]
     pub fn thresholds(&self, in_place: InPlace, residual_deg_s: f64) -> GuardThresholds {
         GuardThresholds {
-            pitch_rate_change_deg_s: self.pitch_rate_change_deg_s
+            pitch_rate_change_deg_s: self.pitch_rate_change_deg_s.unwrap_or(f64::INFINITY)
                 + in_place.pitch_rate_change_deg_s
                 + self.residual_stds * residual_deg_s,
-            turn_deg: self.turn_deg,
-            heading_deg: self.heading_deg,
-            psi_roll_below_deg: in_place.psi_roll_deg - self.psi_roll_below_in_place_deg,
+            turn_deg: self.turn_deg.unwrap_or(f64::INFINITY),
+            heading_deg: self.heading_deg.unwrap_or(f64::INFINITY),
+            psi_roll_below_deg: in_place.psi_roll_deg - self.psi_roll_below_in_place_deg.unwrap_or(f64::INFINITY),
             mean_psi_roll: self.mean_psi_roll.map(|m| m.limit(in_place.psi_roll_deg)),
         }
     }
@@ -167,17 +171,21 @@ impl Guard {
 mod tests {
     use super::*;
 
-    fn warnings(rates: &[f64], silent_strides: usize) -> Vec<Option<Warning>> {
-        let config = GuardConfig {
+    fn config(silent_strides: usize) -> GuardConfig {
+        GuardConfig {
             silent_strides,
-            pitch_rate_change_deg_s: 3.0,
-            turn_deg: 6.0,
-            heading_deg: 20.0,
+            pitch_rate_change_deg_s: Some(3.0),
+            turn_deg: Some(6.0),
+            heading_deg: Some(20.0),
             exploring_factor: 1.0,
             residual_stds: 0.0,
-            psi_roll_below_in_place_deg: 1.0,
+            psi_roll_below_in_place_deg: Some(1.0),
             mean_psi_roll: None,
-        };
+        }
+    }
+
+    fn warnings(rates: &[f64], silent_strides: usize) -> Vec<Option<Warning>> {
+        let config = config(silent_strides);
         let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
         let stride = |rate: &f64| StrideMeasures { psi_pitch_rate_deg_s: *rate, ..Default::default() };
         rates.iter().map(|r| guard.watch(&stride(r))).collect()
@@ -195,16 +203,7 @@ mod tests {
     /// The pelvis turns to and fro with every step; what stays over two steps is a turn.
     #[test]
     fn a_turn_over_two_strides_warns() {
-        let config = GuardConfig {
-            silent_strides: 0,
-            pitch_rate_change_deg_s: 3.0,
-            turn_deg: 6.0,
-            heading_deg: 20.0,
-            exploring_factor: 1.0,
-            residual_stds: 0.0,
-            psi_roll_below_in_place_deg: 1.0,
-            mean_psi_roll: None,
-        };
+        let config = config(0);
         let mut guard = Guard::new(&config, config.thresholds(InPlace::default(), 0.0));
         let mut seen = |turn_deg| guard.watch(&StrideMeasures { turn_deg, ..Default::default() });
         assert_eq!([5.0, -8.0, 9.0].map(&mut seen), [None; 3]);
@@ -213,16 +212,7 @@ mod tests {
 
     #[test]
     fn a_low_roll_warns_at_once() {
-        let config = GuardConfig {
-            silent_strides: 9,
-            pitch_rate_change_deg_s: 3.0,
-            turn_deg: 6.0,
-            heading_deg: 20.0,
-            exploring_factor: 1.0,
-            residual_stds: 0.0,
-            psi_roll_below_in_place_deg: 1.0,
-            mean_psi_roll: None,
-        };
+        let config = config(9);
         let in_place = InPlace::of(&[(-0.8, 1.0), (-0.8, 1.5)]);
         assert!((in_place.pitch_rate_change_deg_s - 0.5).abs() < 1e-12);
         let mut guard = Guard::new(&config, config.thresholds(in_place, 0.0));

@@ -93,10 +93,11 @@ pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
 pub use stepping::{GaitVerdict, Stepping};
-pub use strides::{Act, ActionSource, Batch, drive, make_strides};
+pub use strides::{Act, ActionSource, Batch, Exploration, drive, make_strides};
 pub use success::SuccessConfig;
 pub use task::{
-    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, ScaleConfig, Task,
+    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, ExploreRange, LearnerConfig, RecordConfig,
+    ScaleConfig, Task,
 };
 pub use trust::TrustConfig;
 pub use tune::{GaitSetting, Scale, Try, TuneOptions, Tuned, VARIANTS, tune};

@@ -15,8 +15,8 @@ use crate::fall::FailureConfig;
 use crate::plant::TickObserver;
 use crate::seed::{Role, stream};
 use crate::stepping::{GaitVerdict, StepMeter, Stepping};
-use crate::strides::{Act, ActionSource, Batch, Source, drive};
-use crate::task::{ExploreConfig, Task};
+use crate::strides::{Act, ActionSource, Batch, Exploration, Source, drive};
+use crate::task::{ExploreRange, Task};
 
 /// How long the nominal gait must step.
 pub(crate) const NOMINAL_S: f64 = 20.0;
@@ -24,7 +24,7 @@ pub(crate) const NOMINAL_S: f64 = 20.0;
 /// Who passes these is down, whatever the robot.
 pub(crate) const DOWN: FailureConfig = FailureConfig {
     reward: 0.0,
-    psi_roll_below_deg: -90.0,
+    psi_roll_below_deg: None,
     psi_roll_relative: false,
     com_height_below: 0.5,
     tilt_above_deg: 60.0,
@@ -148,12 +148,9 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     let steps = StepMeter::from(plant.start_up_s());
     let seen = Arc::new(Mutex::new(Extremes { steps, ..Extremes::default() }));
     plant.observe(Some(Box::new(Watch(own, Arc::clone(&seen)))));
-    let neutral = ExploreConfig {
-        center: task.action_limits()?.iter().map(|l| [l.neutral; 2]).collect(),
-        std: vec![0.0; task.action.len()],
-        hold: 1,
-    };
-    let source = ActionSource::Explore(&neutral);
+    let limits = task.action_limits()?;
+    let ranges = limits.iter().map(|l| ExploreRange { center: [l.neutral; 2], std: 0.0 }).collect();
+    let source = ActionSource::Explore(Exploration { ranges, hold: 1 });
     let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: 1000 };
     let made = drive(
         &mut plant,
@@ -252,9 +249,10 @@ impl NominalGait {
         if let Some(beyond) = &self.beyond {
             let key = beyond.criterion.key();
             let (value, reached) = match beyond.criterion {
-                FallCriterion::PsiRoll => {
-                    (failure.psi_roll_below_deg, format!("psi_roll down to {:.2} deg", beyond.value))
-                }
+                FallCriterion::PsiRoll => (
+                    failure.psi_roll_below_deg.unwrap_or_default(),
+                    format!("psi_roll down to {:.2} deg", beyond.value),
+                ),
                 FallCriterion::Height => {
                     (failure.com_height_below, format!("a height down to {:.3} of the first", beyond.value))
                 }

@@ -21,8 +21,9 @@ pub struct PessimismConfig {
     pub std_weight: f64,
     /// What a certain violation of the bound on `ψ_roll` costs, in reward.
     pub unsafe_penalty: f64,
-    /// The bound, this far below the mean `ψ_roll` in place, deg.
-    pub psi_roll_below_in_place_deg: f64,
+    /// The bound, this far below the mean `ψ_roll` in place, deg; left out: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi_roll_below_in_place_deg: Option<f64>,
     /// Cost of a change of the pitch rate from stride to stride, per deg/s beyond the free ones.
     pub flip_penalty: f64,
     /// Changes of the pitch rate that are free, deg/s.

@@ -30,14 +30,8 @@ pub struct ProofConfig {
     pub shrink_on_warning: f64,
     /// How often a first policy is tried, the first time included.
     pub attempts: usize,
-    /// Standard deviations of what is added to the policy's action during the trial, per component: a
-    /// map needs to see actions vary to know what they do. Left out: none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub dither_std: Vec<f64>,
     /// Strides of backing off after a warning.
     pub back_off_strides: usize,
-    /// What is taken from the proven action while backing off, per component of the action.
-    pub back_off: Vec<f64>,
 }
 
 /// Walks a policy until it is proven, given up, or the guard warns.
@@ -46,6 +40,7 @@ pub struct Prover<'a> {
     dither_std: &'a [f64],
     policy: &'a dyn Policy,
     fallback: &'a dyn Policy,
+    back_off: Vec<f64>,
     guard: Guard,
     beat_m_s: Option<f64>,
     walked: usize,
@@ -63,7 +58,7 @@ impl<'a> Prover<'a> {
     /// # Arguments
     ///
     /// - `dither_std` – standard deviations of what is added to the action during the trial; empty: none.
-    /// - `fallback` – what the robot backs off to, less `config.back_off`.
+    /// - `fallback` – what the robot backs off to, less `back_off`.
     /// - `beat_m_s` – speed of the best proven policy; without one every policy goes on to the proof.
     #[must_use]
     pub fn new(
@@ -71,7 +66,7 @@ impl<'a> Prover<'a> {
         guard: (&GuardConfig, GuardThresholds),
         dither_std: &'a [f64],
         policy: &'a dyn Policy,
-        fallback: &'a dyn Policy,
+        (fallback, back_off): (&'a dyn Policy, Vec<f64>),
         beat_m_s: Option<f64>,
     ) -> Self {
         Self {
@@ -79,12 +74,13 @@ impl<'a> Prover<'a> {
             dither_std,
             policy,
             fallback,
+            actions: vec![0.0; back_off.len()],
+            back_off,
             guard: Guard::new(guard.0, guard.1),
             beat_m_s,
             walked: 0,
             forward_m: 0.0,
             time_s: 0.0,
-            actions: vec![0.0; config.back_off.len()],
             backing_off: None,
             verdict: Verdict::Unfinished,
             warning: None,
@@ -125,7 +121,7 @@ impl Act for Prover<'_> {
             return action;
         }
         let safe = self.fallback.mean(at);
-        safe.iter().zip(&self.config.back_off).map(|(u, less)| u - less).collect()
+        safe.iter().zip(&self.back_off).map(|(u, less)| u - less).collect()
     }
 
     fn saw(&mut self, transition: &Transition) -> Next {

@@ -153,7 +153,7 @@ pub fn steer(task: &Task, seed: u64) -> Result<Vec<Steered>, LabError> {
     let batch = Batch { iteration: 1, phase: StridePhase::Collect, role: StrideRole::Training, strides: n };
     let explored = make_strides(
         &mut plant,
-        &ActionSource::Explore(&task.collect.explore),
+        &ActionSource::Explore(task.exploration()),
         batch,
         // The very strides that the learner's first map was fitted to.
         &mut stream(seed, Role::Collect, 0),

@@ -11,14 +11,23 @@ use stridemap_robot::Side;
 use crate::error::LabError;
 use crate::learner::IntegralAction;
 use crate::plant::Plant;
-use crate::task::ExploreConfig;
+use crate::task::ExploreRange;
+
+/// Exploration without a policy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exploration {
+    /// Where, per component of the action.
+    pub ranges: Vec<ExploreRange>,
+    /// Strides for which the centres are kept.
+    pub hold: usize,
+}
 
 /// Where actions on the robot come from.
 pub enum ActionSource<'a> {
     /// Exploration without a policy.
-    Explore(&'a ExploreConfig),
+    Explore(Exploration),
     /// Draws from a policy, plus normal noise of these standard deviations.
-    Sample(&'a dyn Policy, &'a [f64]),
+    Sample(&'a dyn Policy, Vec<f64>),
     /// A policy's mean.
     Mean(&'a dyn Policy),
     /// Integral action, of tasks with one action.
@@ -65,16 +74,16 @@ impl Act for Source<'_> {
             }
             ActionSource::Sample(policy, noise) => {
                 let drawn = policy.sample(at, rng);
-                drawn.iter().zip(*noise).map(|(u, std)| u + normal(*std, rng)).collect()
+                drawn.iter().zip(noise).map(|(u, std)| u + normal(*std, rng)).collect()
             }
             ActionSource::Explore(explore) => {
                 if self.strides_at_center == 0 {
-                    self.center =
-                        explore.center.iter().map(|[low, high]| low + (high - low) * rng.random::<f64>()).collect();
+                    let drawn = |&[low, high]: &[f64; 2]| low + (high - low) * rng.random::<f64>();
+                    self.center = explore.ranges.iter().map(|range| &range.center).map(drawn).collect();
                 }
                 self.strides_at_center = (self.strides_at_center + 1) % explore.hold;
-                let explored = self.center.iter().zip(&explore.std);
-                explored.map(|(center, std)| center + normal(*std, rng)).collect()
+                let explored = self.center.iter().zip(&explore.ranges);
+                explored.map(|(center, range)| center + normal(range.std, rng)).collect()
             }
         }
     }

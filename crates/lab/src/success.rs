@@ -10,10 +10,11 @@ use stridemap_record::Performance;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuccessConfig {
-    /// Least mean reward of the final policy.
-    pub mean_reward_at_least: f64,
-    /// Largest deviation of the final policy's mean `ψ_roll` from the target of the reward; left out
-    /// where the reward has no target.
+    /// Least mean reward of the final policy; left out: any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_reward_at_least: Option<f64>,
+    /// Largest deviation of the final policy's mean `ψ_roll` from the target of the reward; left out:
+    /// any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psi_roll_within_deg: Option<f64>,
     /// Least speed on the ground of the final policy, upright to the end; left out where it is not
@@ -61,10 +62,11 @@ impl Task {
     pub fn shortfalls(&self, measured: &Performance, strides: usize, falls: usize) -> Vec<String> {
         let s = &self.success;
         let mut lacks = Vec::new();
-        let least = s.mean_reward_at_least;
+        let mean = measured.mean_reward;
         // (A mean that is not a number is no success.)
-        if measured.mean_reward.is_nan() || measured.mean_reward < least {
-            lacks.push(format!("mean reward is {:+.5}, at least {least} (mean_reward_at_least)", measured.mean_reward));
+        if mean.is_nan() || s.mean_reward_at_least.is_some_and(|least| mean < least) {
+            let least = s.mean_reward_at_least.map_or("a number".into(), |least| format!("at least {least}"));
+            lacks.push(format!("mean reward is {mean:+.5}, {least} (mean_reward_at_least)"));
         }
         if let (Some(within), Some(target)) = (s.psi_roll_within_deg, self.target_deg()) {
             match measured.mean_psi_roll_deg.map(|mean| (mean - target).abs()) {

@@ -39,15 +39,14 @@ pub(crate) fn check(task: &Task) -> Result<(), LabError> {
     }
     let slopes = kind.finds_slopes(task);
     for (i, action) in task.action.iter().enumerate() {
-        let explore = &collect.explore;
-        let [low, high] = explore.center[i];
-        let centers = low < high && planned > explore.hold;
-        let moves = action.bounds[0] < action.bounds[1] && (centers || explore.std[i] > 0.0);
+        let [low, high] = action.explore.center;
+        let centers = low < high && planned > collect.explore.hold;
+        let moves = action.bounds[0] < action.bounds[1] && (centers || action.explore.std > 0.0);
         if slopes && !moves {
             return invalid(
                 format!("action.{i}"),
                 format!(
-                    "{} never changes in the first batch (its bounds, collect.explore), so that nothing says \
+                    "{} never changes in the first batch (its bounds, its explore), so that nothing says \
                      what it does",
                     action.modulates
                 ),
@@ -98,7 +97,7 @@ mod tests {
                 "walking",
                 vec!["action.0.bounds=[0, 0]"],
                 "action.0: walk_amplitude_deg never changes in the first batch (its bounds, \
-                 collect.explore), so that nothing says what it does",
+                 its explore), so that nothing says what it does",
             ),
             (
                 "stepping",

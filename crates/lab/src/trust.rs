@@ -12,9 +12,7 @@ use stridemap_record::{Proof, Region, Verdict};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrustConfig {
-    /// What counts as one unit, per component of the action, in its unit.
-    pub unit: Vec<f64>,
-    /// How far the first policy may leave the box of the actions tried, in units.
+    /// How far the first policy may leave the box of the actions tried, in the components' units.
     pub first_margin: f64,
     /// Radius about the best proven action, in units, before any success or failure.
     pub radius: f64,
@@ -30,6 +28,7 @@ impl TrustConfig {
     ///
     /// # Arguments
     ///
+    /// - `unit` – what counts as one unit, per component of the action.
     /// - `tried` – lowest and highest action tried, per component; at least the neutral ones.
     /// - `proofs` – what became of the policies so far, in their order.
     ///
@@ -39,13 +38,7 @@ impl TrustConfig {
     /// use stridemap_lab::TrustConfig;
     /// use stridemap_process::ActionLimits;
     ///
-    /// let config = TrustConfig {
-    ///     unit: vec![2.0],
-    ///     first_margin: 0.1,
-    ///     radius: 0.5,
-    ///     grow: 1.15,
-    ///     shrink: 0.7,
-    /// };
+    /// let config = TrustConfig { first_margin: 0.1, radius: 0.5, grow: 1.15, shrink: 0.7 };
     /// let limits = ActionLimits {
     ///     lower: 0.0,
     ///     upper: 12.0,
@@ -53,11 +46,11 @@ impl TrustConfig {
     ///     gain: 1.0,
     ///     neutral: 0.0,
     /// };
-    /// let region = config.region(&[limits], &[[0.0, 6.0]], &[]);
+    /// let region = config.region(&[limits], &[2.0], &[[0.0, 6.0]], &[]);
     /// assert_eq!((region.lower[0], region.upper[0]), (0.0, 6.2));
     /// ```
     #[must_use]
-    pub fn region(&self, limits: &[ActionLimits], tried: &[[f64; 2]], proofs: &[&Proof]) -> Region {
+    pub fn region(&self, limits: &[ActionLimits], unit: &[f64], tried: &[[f64; 2]], proofs: &[&Proof]) -> Region {
         let best = Proof::best(proofs);
         let radius = proofs.iter().enumerate().fold(self.radius, |radius, (i, p)| {
             let before = Proof::best(&proofs[..i]).map(|b| proofs[b].speed_m_s);
@@ -71,12 +64,12 @@ impl TrustConfig {
         });
         let range = |i: usize| match best {
             Some(b) => {
-                let reach = radius * self.unit[i];
+                let reach = radius * unit[i];
                 [proofs[b].action[i] - reach, proofs[b].action[i] + reach]
             }
             None => {
                 // Nothing proven and something failed: the box shrinks towards the nominal gait.
-                let margin = self.first_margin * self.unit[i];
+                let margin = self.first_margin * unit[i];
                 let neutral = limits[i].neutral;
                 let share = self.shrink.powi(proofs.len() as i32);
                 [tried[i][0] - margin, tried[i][1] + margin].map(|edge| neutral + share * (edge - neutral))
@@ -92,9 +85,9 @@ impl TrustConfig {
     /// The fixed region of a search on the robot that has no centre of its own: the actions that the
     /// first batch would explore, a radius wider.
     #[must_use]
-    pub fn searched(&self, limits: &[ActionLimits], tried: &[[f64; 2]]) -> Region {
+    pub fn searched(&self, limits: &[ActionLimits], unit: &[f64], tried: &[[f64; 2]]) -> Region {
         let edge = |i: usize, v: f64| v.clamp(limits[i].lower, limits[i].upper);
-        let reach = |i: usize| self.radius * self.unit[i];
+        let reach = |i: usize| self.radius * unit[i];
         let all = 0..limits.len();
         Region {
             lower: all.clone().map(|i| edge(i, tried[i][0] - reach(i))).collect(),
@@ -113,11 +106,11 @@ mod tests {
 
     #[test]
     fn the_region_follows_the_best_proven_action_and_breathes() {
-        let config = TrustConfig { unit: vec![2.0], first_margin: 0.1, radius: 0.5, grow: 1.2, shrink: 0.5 };
+        let config = TrustConfig { first_margin: 0.1, radius: 0.5, grow: 1.2, shrink: 0.5 };
         let limits = [ActionLimits { lower: 0.0, upper: 12.0, rate_per_stride: 1.0, gain: 1.0, neutral: 0.0 }];
         let upper = |proofs: &[Proof]| {
             let list: Vec<&Proof> = proofs.iter().collect();
-            config.region(&limits, &[[0.0, 6.0]], &list).upper[0]
+            config.region(&limits, &[2.0], &[[0.0, 6.0]], &list).upper[0]
         };
         let first = proof(Verdict::Proven, 0.3, 6.0);
         let faster = proof(Verdict::Proven, 0.4, 7.0);

@@ -28,7 +28,7 @@ fn cautious() -> CautiousMap {
     let config = PessimismConfig {
         std_weight: 1.0,
         unsafe_penalty: 0.6,
-        psi_roll_below_in_place_deg: 2.0,
+        psi_roll_below_in_place_deg: Some(2.0),
         flip_penalty: 0.1,
         flip_free_deg_s: 1.0,
     };

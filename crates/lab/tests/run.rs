@@ -165,7 +165,7 @@ fn a_spent_fall_budget_ends_the_run_and_a_raised_one_goes_on() {
     let dir = tempfile::tempdir().unwrap();
     let with_budget = |falls_at_most: usize| {
         let mut loaded = short();
-        loaded.task.failure.psi_roll_below_deg = 2.6;
+        loaded.task.failure.psi_roll_below_deg = Some(2.6);
         loaded.task.collect.strides = vec![12];
         loaded.task.collect.explore.hold = 1;
         loaded.task.algorithm.falls_at_most = falls_at_most;
@@ -383,7 +383,7 @@ fn where_nothing_beats_the_nominal_gait_it_is_the_final_policy() {
     let run = dir.path().join("run");
     let mut loaded = short();
     loaded.task.action[0].bounds = [-1e-3, 1e-3];
-    loaded.task.collect.explore.center = vec![[-1e-3, 1e-3]];
+    loaded.task.action[0].explore.center = [-1e-3, 1e-3];
     learn(&run, &loaded, 7);
     let json = |name: &str| -> serde_json::Value {
         serde_json::from_str(&std::fs::read_to_string(run.join(name)).unwrap()).unwrap()
@@ -403,8 +403,8 @@ fn where_nothing_beats_the_nominal_gait_it_is_the_final_policy() {
 
     // Nor does anything where too few strides reach the next section for a map: here all fall.
     loaded.task.action[0].bounds = [-1.5, 5.0];
-    loaded.task.collect.explore.center = vec![[4.0, 4.0]];
-    loaded.task.failure.psi_roll_below_deg = 2.6;
+    loaded.task.action[0].explore.center = [4.0, 4.0];
+    loaded.task.failure.psi_roll_below_deg = Some(2.6);
     loaded.task.algorithm.falls_at_most = 1000;
     let run = dir.path().join("falls");
     learn(&run, &loaded, 7);

@@ -29,7 +29,7 @@ mod policy;
 mod saved;
 mod search;
 
-pub use actor_critic::{ActorCritic, ActorCriticConfig, ActorCriticRun};
+pub use actor_critic::{ActorCritic, ActorCriticConfig, ActorCriticRun, Output};
 pub use error::LearnError;
 pub use gaussian_policy::{GaussianPolicy, LogDensityGradient};
 pub use learner::{LearnOutcome, Learner, TrialReport, TrialSummary};

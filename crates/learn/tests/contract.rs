@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
     ActorCritic, ActorCriticConfig, ConstantPolicy, KeptPolicy, LearnError, LearnOutcome, Learner, LinearPolicy,
-    Policy, SavedPolicy, SearchConfig, SearchLearner,
+    Output, Policy, SavedPolicy, SearchConfig, SearchLearner,
 };
 use stridemap_process::{Next, ProcessError, ProcessSpec, Situation, Stride, StrideEnd, StrideProcess, walk};
 use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters, RimlessWheel, RimlessWheelParameters};
@@ -204,10 +204,9 @@ fn the_actor_critic_finds_the_linear_quadratic_regulator() {
         trials: 1000,
         restart_every: Some(8),
         basis_widths: vec![0.7],
-        action_unit: vec![1.0],
+        outputs: vec![Output { unit: 1.0, mean_weight_limit: Some(4.0) }],
         actor_step: 0.1,
         trace_decay: 0.95,
-        mean_weight_limit: Some(vec![4.0]),
         ..stepping()
     };
     let gamma = config.discount;
@@ -263,12 +262,11 @@ fn the_actor_critic_regulates_with_a_vector_of_actions() {
         trials: 2000,
         restart_every: Some(8),
         basis_widths: vec![0.9, 0.9],
-        action_unit: vec![1.0, 0.1],
+        outputs: [(1.0, 4.0), (0.1, 0.4)].map(|(unit, limit)| Output { unit, mean_weight_limit: Some(limit) }).to_vec(),
         actor_step: 1.0,
         scale_gradient_by_variance: true,
         trace_decay: 0.95,
         max_bases: 60,
-        mean_weight_limit: Some(vec![4.0, 0.4]),
         ..stepping()
     };
     // Mean reward of the mean action, with the same starts and noise for every policy.

@@ -1,12 +1,12 @@
 //! The paper's actor-critic, in the map.
 
 use rand_chacha::ChaCha8Rng;
-use stridemap_learn::{ActorCritic, SavedPolicy, TrialSummary};
+use stridemap_learn::{ActorCritic, Output, SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
 use crate::error::{LabError, unless};
 use crate::registry::part;
-use crate::task::{Task, one_per};
+use crate::task::{ActionConfig, Task};
 use stridemap_record::Proof;
 
 pub(super) struct InMap;
@@ -19,17 +19,13 @@ impl LearnerPart for InMap {
     }
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
-        let (config, n, m) = (&task.learner.actor_critic, task.state.len(), task.action.len());
-        for (key, found, needed, what) in [
-            ("basis_widths", config.basis_widths.len(), n, "state"),
-            ("action_unit", config.action_unit.len(), m, "action"),
-        ] {
-            unless(
-                found == needed,
-                format!("learner.actor_critic.{key}"),
-                one_per(&format!("component of the {what}"), found, needed),
-            )?;
-        }
+        let (config, n) = (&task.learner.actor_critic, task.state.len());
+        let found = config.basis_widths.len();
+        unless(
+            found == n,
+            "learner.actor_critic.basis_widths",
+            format!("has {found} entries, needs one per component of the state: {n}"),
+        )?;
         Ok(config.validate()?)
     }
 
@@ -41,6 +37,8 @@ impl LearnerPart for InMap {
     ) -> Result<SavedPolicy, LabError> {
         let (settings, policies) = (&known.task.learner, &known.progress.policies);
         let mut config = settings.actor_critic.clone();
+        let output = |a: &ActionConfig| Output { unit: a.output_unit, mean_weight_limit: a.mean_weight_limit };
+        config.outputs = known.task.action.iter().map(output).collect();
         let later = known.iteration() > 1;
         let initial = if known.region.is_some() {
             if let (true, Some(trials)) = (later, settings.later_trials) {

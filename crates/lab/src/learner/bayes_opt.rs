@@ -35,9 +35,10 @@ impl LearnerPart for OnRobot {
         rng: &mut ChaCha8Rng,
         _observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
-        let (caution, region) = known.caution()?;
+        let (_, region) = known.caution()?;
+        let unit = known.task.of_each(|a| a.unit);
         let (config, proofs) = (known.task.controls()?, known.progress.proofs());
-        let action = next(config, region, &caution.trust.unit, &proofs, rng)?;
+        let action = next(config, region, &unit, &proofs, rng)?;
         known.constant(&action)
     }
 }

@@ -33,10 +33,11 @@ impl LearnerPart for OnRobot {
         _rng: &mut ChaCha8Rng,
         _observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
-        let (caution, region) = known.caution()?;
+        let (_, region) = known.caution()?;
+        let unit = known.task.of_each(|a| a.unit);
         let (config, proofs) = (known.task.controls()?, known.progress.proofs());
         let of = |g: usize| stream(known.seed, Role::RobotSearch, g as u64);
-        let action = next(config, region, &caution.trust.unit, &proofs, &of)?;
+        let action = next(config, region, &unit, &proofs, &of)?;
         known.constant(&action)
     }
 }

@@ -83,10 +83,11 @@ pub trait LearnerPart: Part {
     /// own, the actions that the first batch would explore.
     fn region(&self, known: &Known<'_>, caution: &CautionConfig) -> Region {
         let (trust, limits, tried) = (&caution.trust, &known.limits, known.tried());
+        let unit = known.task.of_each(|a| a.unit);
         if self.explores() {
-            trust.region(limits, &tried, &known.progress.proofs())
+            trust.region(limits, &unit, &tried, &known.progress.proofs())
         } else {
-            trust.searched(limits, &tried)
+            trust.searched(limits, &unit, &tried)
         }
     }
 
@@ -259,7 +260,7 @@ impl<'a> Known<'a> {
             }
         }
         if ranges.iter().any(|[l, h]| l > h) {
-            return self.task.collect.explore.center.clone();
+            return self.task.action.iter().map(|a| a.explore.center).collect();
         }
         ranges
     }
@@ -277,8 +278,8 @@ impl<'a> Known<'a> {
     /// The map as a cautious learner should see it, with the bounds of `spec`.
     fn cautious(&self, map: &LearnedMap, caution: &CautionConfig, spec: ProcessSpec) -> CautiousMap {
         let position = |c| self.task.state.iter().position(|s| *s == c);
-        let bound = self.progress.in_place().psi_roll_deg - caution.pessimism.psi_roll_below_in_place_deg;
-        let psi_roll = position(StateComponent::PSI_ROLL_DEG).map(|c| (c, bound));
+        let bound = caution.pessimism.psi_roll_below_in_place_deg.map(|b| self.progress.in_place().psi_roll_deg - b);
+        let psi_roll = position(StateComponent::PSI_ROLL_DEG).zip(bound);
         let pitch_rate = position(StateComponent::PSI_PITCH_RATE_DEG_S);
         CautiousMap::new(map.clone(), caution.pessimism, spec, psi_roll, pitch_rate)
     }

@@ -55,8 +55,8 @@ impl LearnerPart for InMap {
         rng: &mut ChaCha8Rng,
         observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
-        let (caution, region) = known.caution()?;
-        let unit = &caution.trust.unit;
+        let (_, region) = known.caution()?;
+        let unit = known.task.of_each(|a| a.unit);
         let settings = known.task.search()?;
         let config = SearchConfig {
             action_unit: unit.clone(),
@@ -75,7 +75,7 @@ impl LearnerPart for InMap {
         let (Some(feedback), SavedPolicy::Constant(found)) = (&settings.feedback, &policy) else {
             return Ok(policy);
         };
-        let (fed, spec) = (fed_back(known, unit, feedback), known.task.process_spec()?);
+        let (fed, spec) = (fed_back(known, &unit, feedback), known.task.process_spec()?);
         let cost = feedback.action_cost;
         with_feedback(known.map()?, &spec, found.action(), &fed, cost, rng)
     }

@@ -160,7 +160,9 @@ impl FinishedRun {
     pub fn differences(&self) -> Result<Vec<String>, LabError> {
         let seed = self.checkpoint_seed.unwrap_or(self.provenance.seed);
         let now = provenance_of(&self.task, seed, None, String::new())?;
-        Ok(self.provenance.differences(&now))
+        let mut then = self.provenance.clone();
+        then.task = then.task.map(crate::builtin::in_words_of_now);
+        Ok(then.differences(&now))
     }
 
     /// Refuses to go on with a run by other means than those that made it.

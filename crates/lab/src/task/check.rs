@@ -24,7 +24,7 @@ impl Task {
         self.check_algorithm()?;
         self.check_record()?;
         if let Some(caution) = &self.caution {
-            caution.validate(self.action.len())?;
+            caution.validate()?;
         }
         let kind = self.learner.kind;
         unless(
@@ -96,7 +96,7 @@ impl Task {
         let f = &self.failure;
         for (key, value, low, high) in [
             ("reward", f.reward, -1e6, 0.0),
-            ("psi_roll_below_deg", f.psi_roll_below_deg, -90.0, 90.0),
+            ("psi_roll_below_deg", f.psi_roll_below_deg.unwrap_or(0.0), -90.0, 90.0),
             ("com_height_below", f.com_height_below, 0.0, 1.0),
             ("tilt_above_deg", f.tilt_above_deg, 1.0, 180.0),
             ("no_section_s", f.no_section_s, 0.1, 60.0),
@@ -111,29 +111,8 @@ impl Task {
     }
 
     fn check_collect(&self) -> Result<(), LabError> {
-        let (collect, explore, m) = (&self.collect, &self.collect.explore, self.action.len());
-        for (key, found) in [
-            ("collect.explore.center", explore.center.len()),
-            ("collect.explore.std", explore.std.len()),
-            ("collect.later_noise_std", collect.later_noise_std.len()),
-        ] {
-            unless(found == m, key, one_per("component of the action", found, m))?;
-        }
-        unless(explore.hold > 0, "collect.explore.hold", "must be at least 1 stride")?;
-        for [low, high] in &explore.center {
-            unless(
-                low.is_finite() && high.is_finite() && low <= high,
-                "collect.explore.center",
-                format!("[{low}, {high}] must be finite and in order"),
-            )?;
-        }
-        for (key, stds) in
-            [("collect.explore.std", &explore.std), ("collect.later_noise_std", &collect.later_noise_std)]
-        {
-            for std in stds {
-                unless(std.is_finite() && *std >= 0.0, key, format!("{std} must be finite and not negative"))?;
-            }
-        }
+        let collect = &self.collect;
+        unless(collect.explore.hold > 0, "collect.explore.hold", "must be at least 1 stride")?;
         unless(
             collect.strides.first().is_some_and(|first| *first > 0),
             "collect.strides",
@@ -175,9 +154,4 @@ impl Task {
         }
         unless((0.0..=600.0).contains(&r.pose_seconds), "record.pose_seconds", "must lie in [0, 600] s")
     }
-}
-
-/// What is said of a list of the wrong length.
-pub(crate) fn one_per(what: &str, found: usize, expected: usize) -> String {
-    format!("has {found} entries, needs one per {what}: {expected}")
 }

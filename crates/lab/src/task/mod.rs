@@ -1,11 +1,13 @@
 //! A task: what a TOML file under `experiments/` says.
 
+mod action;
 mod check;
 mod parts;
 mod scale;
 
-pub(crate) use check::one_per;
-pub use parts::{ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig};
+pub(crate) use action::COMPONENTS;
+pub use action::{ActionConfig, ExploreRange};
+pub use parts::{AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig};
 
 pub use scale::ScaleConfig;
 
@@ -193,12 +195,7 @@ impl Task {
                     ),
                 ));
             }
-            if action.rate_per_stride.is_some_and(|r| r.is_nan() || r <= 0.0) {
-                return Err(invalid(format!("action.{i}.rate_per_stride"), "must be positive".into()));
-            }
-            if !(action.gain > 0.0 && action.gain <= 1.0) {
-                return Err(invalid(format!("action.{i}.gain"), "must lie in (0, 1]".into()));
-            }
+            action.check(i)?;
             actions.push(PlantAction {
                 modulation: index,
                 limits: ActionLimits {

@@ -1,4 +1,4 @@
-//! Parts of a task file that are the loop's own: action, collection, learner, algorithm, record.
+//! Parts of a task file that are the loop's own: collection, learner, algorithm, record.
 
 use std::collections::BTreeMap;
 
@@ -8,37 +8,11 @@ use stridemap_record::WalkTimes;
 
 use crate::learner::{ControlsConfig, IntegralConfig, LearnerKind, SearchSettings};
 
-/// One component of the action.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ActionConfig {
-    /// The gait's modulation that it sets, by name; its unit is in the name.
-    pub modulates: String,
-    /// Smallest and largest value, on the robot and in the map.
-    pub bounds: [f64; 2],
-    /// Largest change from one stride to the next; no limit if left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rate_per_stride: Option<f64>,
-    /// Share of the way to the wanted value that is gone in one stride, in (0, 1].
-    #[serde(default = "one")]
-    pub gain: f64,
-}
-
-const fn one() -> f64 {
-    1.0
-}
-
-/// How the first batch explores.
-///
-/// Every `hold` strides a centre is drawn, uniform in `center`; the action is the centre plus normal
-/// noise of standard deviation `std`, both per component of the action.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// How the first batch explores: for how long a centre is kept. Which centres and how far about them, each
+/// [`ActionConfig`](super::ActionConfig) says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExploreConfig {
-    /// Range of the centre, per component.
-    pub center: Vec<[f64; 2]>,
-    /// Standard deviation about the centre, per component.
-    pub std: Vec<f64>,
     /// Strides for which a centre is kept.
     pub hold: usize,
 }
@@ -51,9 +25,6 @@ pub struct CollectConfig {
     pub strides: Vec<usize>,
     /// Sections passed with the nominal gait after its start-up, before an episode begins.
     pub warm_up_strides: usize,
-    /// Standard deviation of normal noise, per component of the action, added to what the policy
-    /// draws from the second iteration on.
-    pub later_noise_std: Vec<f64>,
     /// The first batch goes on, 20 strides at a time, until the map of the strides before predicts the
     /// newest 20 with a one-step error under this: root mean square over their spread, the largest over
     /// the components of the state \[MA09, sec. 8.1\]. Left out: one batch.

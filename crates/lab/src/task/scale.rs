@@ -46,26 +46,12 @@ impl Task {
             };
             if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
         };
-        let ratios: Vec<f64> = self.action.iter().map(|action| ratio(&action.modulates)).collect();
-        let by = |values: &mut [f64]| values.iter_mut().zip(&ratios).for_each(|(value, ratio)| *value *= ratio);
         if let Some(feedback) = self.learner.search.as_mut().and_then(|search| search.feedback.as_mut()) {
             let own: Vec<f64> = feedback.modulates.iter().map(|name| ratio(name)).collect();
             feedback.limit.iter_mut().zip(own).for_each(|(limit, ratio)| *limit *= ratio);
         }
-        for (action, ratio) in self.action.iter_mut().zip(&ratios) {
-            action.bounds = action.bounds.map(|bound| ratio * bound);
-            action.rate_per_stride = action.rate_per_stride.map(|rate| ratio * rate);
-        }
-        for (center, ratio) in self.collect.explore.center.iter_mut().zip(&ratios) {
-            *center = center.map(|end| ratio * end);
-        }
-        by(&mut self.collect.explore.std);
-        by(&mut self.collect.later_noise_std);
-        by(&mut self.learner.actor_critic.action_unit);
-        if let Some(caution) = &mut self.caution {
-            by(&mut caution.trust.unit);
-            by(&mut caution.proof.dither_std);
-            by(&mut caution.proof.back_off);
+        for action in &mut self.action {
+            action.scale(ratio(&action.modulates));
         }
     }
 }

@@ -6,8 +6,9 @@ use crate::error::{LearnError, check_number};
 
 /// Parameters of [`ActorCritic`](super::ActorCritic).
 ///
-/// The defaults are the paper's (Table 2, all extras off); `basis_widths` and `action_unit` have
-/// none, because they depend on the process. In a file, every other key may be left out.
+/// The defaults are the paper's (Table 2, all extras off); `basis_widths` and `outputs` have
+/// none, because they depend on the process. In a file, every other key may be left out; `outputs` is not in a
+/// file, but where the components of the action are.
 ///
 /// # Example
 ///
@@ -23,9 +24,10 @@ use crate::error::{LearnError, check_number};
 pub struct ActorCriticConfig {
     /// Width of the bases per component of the state, in its unit; positive.
     pub basis_widths: Vec<f64>,
-    /// Per component of the action: that many of its units per output 1; positive. All step sizes,
-    /// `std_scale` and σ are in outputs.
-    pub action_unit: Vec<f64>,
+    /// What the network's outputs stand for, per component of the action. All step sizes, `std_scale` and σ are in
+    /// outputs.
+    #[serde(skip)]
+    pub outputs: Vec<Output>,
     /// γ, from 0 to below 1. Table 2: 0.95.
     #[serde(default = "default::discount")]
     pub discount: f64,
@@ -66,10 +68,6 @@ pub struct ActorCriticConfig {
     /// recipe W does.
     #[serde(default)]
     pub scale_gradient_by_variance: bool,
-    /// Bound on the magnitude of every mean weight, per component, in units of the action; positive.
-    /// Recipe A: 8 deg.
-    #[serde(default)]
-    pub mean_weight_limit: Option<Vec<f64>>,
     /// Keeps every mean weight within the bounds of its action, so that the mean cannot wander to
     /// where all samples are clipped to the same action and there is no gradient to bring it back.
     /// Neither the paper nor the recipes do. On a linear map of stepping, recipe A leaves a policy
@@ -94,6 +92,15 @@ pub struct ActorCriticConfig {
     /// reward has changed since.
     #[serde(default = "default::yes")]
     pub keep_value: bool,
+}
+
+/// What an output of the network stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output {
+    /// How much of the component of the action output 1 is; positive.
+    pub unit: f64,
+    /// Bound on the magnitude of every mean weight, in units of the action; positive. Recipe A: 8 deg.
+    pub mean_weight_limit: Option<f64>,
 }
 
 mod default {
@@ -132,7 +139,7 @@ impl ActorCriticConfig {
     pub fn paper(basis_widths: &[f64], action_unit: &[f64]) -> Self {
         Self {
             basis_widths: basis_widths.to_vec(),
-            action_unit: action_unit.to_vec(),
+            outputs: action_unit.iter().map(|&unit| Output { unit, mean_weight_limit: None }).collect(),
             discount: default::discount(),
             critic_step: default::step(),
             actor_step: default::step(),
@@ -144,7 +151,6 @@ impl ActorCriticConfig {
             strides_per_trial: default::strides_per_trial(),
             restart_every: None,
             scale_gradient_by_variance: false,
-            mean_weight_limit: None,
             mean_weights_within_bounds: false,
             std_logit_bounds: None,
             full_step_fraction: 1.0,
@@ -162,19 +168,25 @@ impl ActorCriticConfig {
             trials: 200,
             strides_per_trial: 24,
             restart_every: Some(6),
-            mean_weight_limit: Some(vec![8.0]),
+            outputs: vec![Output { unit: 2.0, mean_weight_limit: Some(8.0) }],
             std_logit_bounds: Some([-4.0, 5.0]),
             full_step_fraction: 0.3,
             final_step_fraction: 0.02,
             average_fraction: 0.5,
-            ..Self::paper(&[0.5], &[2.0])
+            ..Self::paper(&[0.5], &[])
         }
     }
 
     /// Recipe S, for stepping on the small humanoid: state and action in degrees.
     #[must_use]
     pub fn stepping_small() -> Self {
-        Self { basis_widths: vec![3.0], action_unit: vec![1.0], actor_step: 0.1, trials: 400, ..Self::stepping() }
+        Self {
+            basis_widths: vec![3.0],
+            outputs: vec![Output { unit: 1.0, mean_weight_limit: Some(8.0) }],
+            actor_step: 0.1,
+            trials: 400,
+            ..Self::stepping()
+        }
     }
 
     /// Recipe W, for walking by one amplitude: state (deg, deg, deg/s), action in degrees. The first
@@ -207,8 +219,9 @@ impl ActorCriticConfig {
         for &w in &self.basis_widths {
             positive("basis_widths", w)?;
         }
-        for &u in &self.action_unit {
-            positive("action_unit", u)?;
+        for output in &self.outputs {
+            positive("action_unit", output.unit)?;
+            positive("mean_weight_limit", output.mean_weight_limit.unwrap_or(1.0))?;
         }
         let g = self.discount;
         check_number("discount", g, (0.0..1.0).contains(&g), "at least 0 and below 1")?;
@@ -223,12 +236,6 @@ impl ActorCriticConfig {
         count("trials", self.trials)?;
         count("strides_per_trial", self.strides_per_trial)?;
         count("restart_every", self.restart_every.unwrap_or(1))?;
-        if let Some(limits) = &self.mean_weight_limit {
-            crate::error::check_length("mean_weight_limit", limits.len(), self.action_unit.len())?;
-            for &limit in limits {
-                positive("mean_weight_limit", limit)?;
-            }
-        }
         if let Some([low, high]) = self.std_logit_bounds {
             check_number("std_logit_bounds", low, low <= high, "finite, the lower one first")?;
             check_number("std_logit_bounds", high, true, "finite, the lower one first")?;
@@ -285,23 +292,25 @@ mod tests {
         ] {
             config.validate().unwrap();
             let text = serde_json::to_string(&config).unwrap();
-            assert_eq!(serde_json::from_str::<ActorCriticConfig>(&text).unwrap(), config);
+            let read = serde_json::from_str::<ActorCriticConfig>(&text).unwrap();
+            assert_eq!(ActorCriticConfig { outputs: config.outputs.clone(), ..read }, config);
         }
-        let sparse = r#"{ "basis_widths": [0.5], "action_unit": [1.0] }"#;
+        let sparse = r#"{ "basis_widths": [0.5] }"#;
         let config: ActorCriticConfig = serde_json::from_str(sparse).unwrap();
-        assert_eq!(config, ActorCriticConfig::paper(&[0.5], &[1.0]));
-        let wrong = r#"{ "basis_widths": [0.5], "action_unit": [1.0], "discuont": 0.9 }"#;
+        assert_eq!(config, ActorCriticConfig::paper(&[0.5], &[]));
+        let wrong = r#"{ "basis_widths": [0.5], "discuont": 0.9 }"#;
         assert!(serde_json::from_str::<ActorCriticConfig>(wrong).is_err());
     }
 
     #[test]
     fn bad_values_are_named() {
         let good = ActorCriticConfig::stepping();
+        let unlimited = Output { unit: 1.0, mean_weight_limit: Some(0.0) };
         let cases: [(&str, ActorCriticConfig); 6] = [
             ("critic_step", ActorCriticConfig { critic_step: f64::NAN, ..good.clone() }),
             ("trials", ActorCriticConfig { trials: 0, ..good.clone() }),
             ("restart_every", ActorCriticConfig { restart_every: Some(0), ..good.clone() }),
-            ("mean_weight_limit", ActorCriticConfig { mean_weight_limit: Some(vec![]), ..good.clone() }),
+            ("mean_weight_limit", ActorCriticConfig { outputs: vec![unlimited], ..good.clone() }),
             ("std_logit_bounds", ActorCriticConfig { std_logit_bounds: Some([1.0, 0.0]), ..good.clone() }),
             ("basis_widths", ActorCriticConfig { basis_widths: vec![-1.0], ..good }),
         ];

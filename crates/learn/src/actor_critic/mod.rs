@@ -2,7 +2,7 @@
 
 mod config;
 
-pub use config::ActorCriticConfig;
+pub use config::{ActorCriticConfig, Output};
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -120,7 +120,8 @@ impl ActorCriticRun {
         initial: Option<&SavedPolicy>,
     ) -> Result<Self, LearnError> {
         config.validate()?;
-        let scratch = GaussianPolicy::new(spec.clone(), &config.basis_widths, &config.action_unit, config.std_scale)?;
+        let units: Vec<f64> = config.outputs.iter().map(|output| output.unit).collect();
+        let scratch = GaussianPolicy::new(spec.clone(), &config.basis_widths, &units, config.std_scale)?;
         let policy = match initial {
             None => scratch,
             Some(SavedPolicy::GaussianNetwork(policy)) => warm_start(policy, &scratch, config)?,
@@ -251,15 +252,14 @@ impl ActorCriticRun {
     /// Bounds of the mean weights per component, in outputs; empty if there are none.
     fn mean_weight_bounds(&self) -> SmallVec<[[f64; 2]; 8]> {
         let within = self.config.mean_weights_within_bounds;
-        let limits = self.config.mean_weight_limit.as_deref();
-        if !within && limits.is_none() {
+        let outputs = &self.config.outputs;
+        if !within && outputs.iter().all(|output| output.mean_weight_limit.is_none()) {
             return SmallVec::new();
         }
-        let actions = self.policy.spec().action.iter().zip(self.policy.action_unit());
+        let actions = self.policy.spec().action.iter().zip(outputs);
         actions
-            .enumerate()
-            .map(|(j, (bounds, unit))| {
-                let limit = limits.map_or(f64::INFINITY, |l| l[j] / unit);
+            .map(|(bounds, Output { unit, mean_weight_limit })| {
+                let limit = mean_weight_limit.map_or(f64::INFINITY, |limit| limit / unit);
                 if within {
                     let (low, high) = (bounds.lower / unit, bounds.upper / unit);
                     [low.clamp(-limit, limit), high.clamp(-limit, limit)]
@@ -375,7 +375,7 @@ fn warm_start(
     let same = |a: &[f64], b: &[f64]| a.iter().map(|v| v.to_bits()).eq(b.iter().map(|v| v.to_bits()));
     for (field, ours, theirs) in [
         ("basis_widths", config.basis_widths.as_slice(), policy.network().widths()),
-        ("action_unit", &config.action_unit, policy.action_unit()),
+        ("action_unit", scratch.action_unit(), policy.action_unit()),
         ("std_scale", &[config.std_scale], &[policy.std_scale()]),
     ] {
         if !same(ours, theirs) {

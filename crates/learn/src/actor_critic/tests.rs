@@ -149,7 +149,7 @@ fn traces_carry_over_within_an_episode_only() {
 #[test]
 fn weights_stay_within_their_bounds() {
     let mut config = config(200);
-    config.mean_weight_limit = Some(vec![0.3]); // 0.15 outputs of 2
+    config.outputs[0].mean_weight_limit = Some(0.3); // 0.15 outputs of 2
     config.std_logit_bounds = Some([-0.1, 0.2]);
     let strides: Vec<_> = (0..200).map(|k| (0.0, f64::from(k % 7) - 3.0, StrideEnd::Crossing)).collect();
     let (policy, _) = run(&config, &mut script(&strides)).unwrap();

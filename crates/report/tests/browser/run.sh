@@ -44,8 +44,8 @@ if [ -z "${REPORTS:-}" ]; then
   say report "$runs/stepping"
   say learn walking --seed 3 --out "$runs/walking"
   # A robot that falls while it learns: actions that the narrow, slippery feet do not carry.
-  say learn stepping --out "$runs/fall" --set robot.friction=0.3 --set 'collect.explore.center=[[4.5, 5.0]]' \
-    --set 'collect.explore.std=[0.3]' --set failure.psi_roll_below_deg=1.5 --set algorithm.iterations=1 \
+  say learn stepping --out "$runs/fall" --set robot.friction=0.3 --set 'action.0.explore.center=[4.5, 5.0]' \
+    --set action.0.explore.std=0.3 --set failure.psi_roll_below_deg=1.5 --set algorithm.iterations=1 \
     --set record.strides=20 --set record.iteration_strides=5
   grep -q ',fell,' "$runs/fall/transitions.csv" || fail "the run that should hold a fall holds none"
   # Killed without a chance to say good-bye, in the second iteration.
