@@ -28,6 +28,7 @@ mod error;
 mod fall;
 mod feedback;
 mod gaits;
+mod goal;
 mod guard;
 mod guarded;
 mod learner;
@@ -70,6 +71,7 @@ pub use error::{Invalid, LabError};
 pub use fall::FailureConfig;
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
 pub use gaits::{BuildGait, GaitPart, gaits};
+pub use goal::{GoalConfig, Measure, MeasurePart, drawn, measures};
 pub use guard::{Guard, GuardConfig, GuardThresholds};
 pub use guarded::GuardedExplorer;
 pub use learner::{

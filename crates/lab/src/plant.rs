@@ -23,6 +23,7 @@ use stridemap_robot::{JointTargets, Robot, RobotError, Side};
 use stridemap_section::{Crossing, Pendulum, SectionDetector};
 
 use crate::error::LabError;
+use crate::goal::Goals;
 use crate::measure::{StrideMeter, wrapped_rad};
 use crate::reward::reward;
 use crate::state::AtSection;
@@ -38,6 +39,7 @@ pub struct Plant {
     spec: ProcessSpec,
     detector: SectionDetector,
     law: ActionLaw,
+    goals: Goals,
     meter: StrideMeter,
     counters: PlantCounters,
     at_section: bool,
@@ -84,6 +86,7 @@ impl Plant {
         let detector = SectionDetector::new(task.section)?;
         let law = ActionLaw::new(task.action.iter().map(|a| a.limits).collect())?;
         let meter = StrideMeter::new(robot.description(), gait.rest());
+        let goals = Goals::new(task.goals.clone());
         Ok(Self {
             robot,
             gait,
@@ -92,6 +95,7 @@ impl Plant {
             spec,
             detector,
             law,
+            goals,
             meter,
             counters: PlantCounters::default(),
             at_section: false,
@@ -114,9 +118,8 @@ impl Plant {
         })
     }
 
-    /// Strides of a batch that was broken off (the controller was killed, the link was lost), in the order
-    /// in which they were made: the next batch of that iteration and phase takes them up instead of making
-    /// them again. For robots that cannot repeat what they did.
+    /// Strides of a batch that was broken off (the controller was killed, the link was lost), in their order: the next
+    /// batch of that iteration and phase takes them up. For robots that cannot repeat what they did.
     pub fn recall(&mut self, strides: Vec<Transition>) {
         self.recalled = strides.into();
     }
@@ -210,6 +213,7 @@ impl Plant {
             state: at.state.clone(),
             last_action: at.last_action.clone(),
             action: stride.action().clone(),
+            goal: at.goal.clone(),
             next_state: stride.next.state.clone(),
             reward: stride.reward,
             end: stride.end,
@@ -230,6 +234,11 @@ impl Plant {
     #[must_use]
     pub fn stance(&self) -> Option<Side> {
         self.detector.stance()
+    }
+
+    /// Asks for these goals, one a stride and the last for ever after; `None`: for goals drawn at random.
+    pub fn ask_for(&mut self, goals: Option<Vec<Goal>>) {
+        self.goals.list(goals);
     }
 
     /// The robot inside.
@@ -254,8 +263,7 @@ impl Plant {
         self.observer = observer;
     }
 
-    /// Pushes the torso during the next stride, from the moment when the load passes from one foot to
-    /// the other.
+    /// Pushes the torso during the next stride, from when the load passes from one foot to the other.
     pub fn push_in_next_stride(&mut self, push: Push) {
         self.pending_push = Some(push);
     }
@@ -348,7 +356,8 @@ impl Plant {
     }
 
     fn at_section<'a>(&'a self, measures: &'a StrideMeasures, pendulum: Option<&'a Pendulum>) -> AtSection<'a> {
-        AtSection { measures, robot: self.robot.state(), pendulum }
+        let (goals, goal) = (self.goals.config(), self.goals.now());
+        AtSection { measures, robot: self.robot.state(), pendulum, goals, goal }
     }
 
     fn count_end(&mut self, end: StrideEnd, fall: Option<&Fall>, in_stride: bool) {
@@ -423,13 +432,15 @@ impl StrideProcess for Plant {
     fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {
         self.at_section = false;
         self.began_at = (rng.get_stream(), u64::try_from(rng.get_word_pos()).unwrap_or(u64::MAX));
+        self.goals.begin(rng);
         let mut attempts = 0;
         loop {
             attempts += 1;
             match self.start(rng).map_err(world)? {
                 Ok(state) => {
                     self.at_section = true;
-                    return Ok(Situation { state, last_action: self.law.last().clone(), goal: Goal::new() });
+                    let (last_action, goal) = (self.law.last().clone(), self.goals.now().clone());
+                    return Ok(Situation { state, last_action, goal });
                 }
                 Err(fall) if attempts == START_ATTEMPTS => {
                     return Err(world(LabError::NominalGaitFails {
@@ -476,14 +487,14 @@ impl StrideProcess for Plant {
         let measures = self.measured(pendulum.as_ref());
         self.last_measures = measures;
         let at = self.at_section(&measures, pendulum.as_ref());
-        Ok(Stride {
-            next: Situation { state: self.state_of(&at), last_action: action, goal: Goal::new() },
-            reward: match end {
-                StrideEnd::Crossing => reward(&self.task.reward, &at),
-                StrideEnd::Fell | StrideEnd::NoCrossing => self.task.failure.reward,
-                StrideEnd::Aborted => 0.0,
-            },
-            end,
-        })
+        let state = self.state_of(&at);
+        let reward = match end {
+            StrideEnd::Crossing => reward(&self.task.reward, &at),
+            StrideEnd::Fell | StrideEnd::NoCrossing => self.task.failure.reward,
+            StrideEnd::Aborted => 0.0,
+        };
+        self.goals.advance();
+        let next = Situation { state, last_action: action, goal: self.goals.now().clone() };
+        Ok(Stride { next, reward, end })
     }
 }

@@ -145,6 +145,8 @@ pub fn replay(run: &FinishedRun, episode: &Episode) -> Result<Replayed, LabError
         (action.gain, action.rate_per_stride) = (1.0, None);
     }
     let mut plant = free.plant()?;
+    let goals = episode.transitions.iter().map(|t| t.goal.clone());
+    plant.ask_for((!run.task.goal.is_empty()).then(|| goals.collect()));
     let filming = Filming::begin(&mut plant, &[(Pace::Film, [0.0, f64::INFINITY])]);
     let mut again = Again { recorded: &episode.transitions, made: Vec::new(), stance: None };
     let mut rng = resumed(run.provenance.seed, start.stream, start.word);

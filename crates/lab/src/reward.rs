@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::goal::Measure;
 use crate::registry::{Part, Registry, named};
 use crate::state::{AtSection, StateComponent};
 
@@ -114,6 +115,23 @@ impl RewardQuantity {
         false,
         RewardOf::Stride(|at| at.measures.turn_deg.abs())
     );
+    quantity!(
+        GOAL_SQUARED_ERROR,
+        "goal_squared_error",
+        "−Σ ((measure − goal) / unit)² over the components of the goal",
+        false,
+        RewardOf::Stride(|at| {
+            let errors = at.goals.iter().zip(at.goal).map(|(of, goal)| of.error(at.measures, *goal));
+            -errors.map(|e| e * e).sum::<f64>()
+        })
+    );
+    quantity!(
+        POWER_W,
+        "power_w",
+        "Σ |τ ω| of the joints, mean over the stride, W; give it a negative weight",
+        false,
+        RewardOf::Stride(|at| (Measure::POWER_W.of)(at.measures))
+    );
 }
 
 /// The registry of quantities that a reward may have.
@@ -131,6 +149,8 @@ pub fn rewards() -> &'static Registry<RewardPart> {
             RewardQuantity::PEAK_FOOT_LOAD_N.0,
             RewardQuantity::POSTURE_DEVIATION_DEG.0,
             RewardQuantity::TURN_DEG.0,
+            RewardQuantity::GOAL_SQUARED_ERROR.0,
+            RewardQuantity::POWER_W.0,
         ],
     );
     &REWARDS

@@ -3,6 +3,7 @@
 use stridemap_robot::RobotState;
 use stridemap_section::Pendulum;
 
+use crate::goal::GoalConfig;
 use crate::registry::{Part, Registry, named};
 use stridemap_record::StrideMeasures;
 
@@ -14,6 +15,10 @@ pub struct AtSection<'a> {
     pub robot: &'a RobotState,
     /// The pendulum at the section, or the last one seen where the stride ended otherwise.
     pub pendulum: Option<&'a Pendulum>,
+    /// What the task may ask for.
+    pub goals: &'a [GoalConfig],
+    /// What the stride was asked for, one number a component.
+    pub goal: &'a [f64],
 }
 
 /// A component of the state at the section.

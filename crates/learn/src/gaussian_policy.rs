@@ -43,6 +43,7 @@ pub(crate) type Outputs = SmallVec<[f64; 16]>;
 /// let spec = ProcessSpec {
 ///     state: vec![StateDimension { name: "psi_roll_deg".into() }],
 ///     action: vec![ActionDimension { name: "step_deg".into(), lower: -1.5, upper: 5.0 }],
+///     goal: Vec::new(),
 /// };
 /// // Output 1 is 2 deg. Without bases, mean 0 and standard deviation 0.5 / (1 + exp(0)) · 2 deg.
 /// let policy = GaussianPolicy::new(spec, &[0.5], &[2.0], 0.5)?;

@@ -23,6 +23,7 @@
 mod actor_critic;
 mod error;
 mod gaussian_policy;
+mod goal;
 mod learner;
 mod network;
 mod policy;
@@ -32,8 +33,12 @@ mod search;
 pub use actor_critic::{ActorCritic, ActorCriticConfig, ActorCriticRun, Output};
 pub use error::LearnError;
 pub use gaussian_policy::{GaussianPolicy, LogDensityGradient};
+pub use goal::{
+    ActionRole, AffinePiece, Correction, GoalAffine, GoalCost, GoalPlanner, LinearTerm, PlanSettings, Quantity,
+    SquaredTerm, choose_constants, law_about,
+};
 pub use learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 pub use network::{Activations, NormalizedGaussianNetwork};
-pub use policy::Policy;
+pub use policy::{Acting, Policy, Seen};
 pub use saved::{ConstantPolicy, KeptPolicy, LinearPolicy, SavedPolicy};
 pub use search::{CmaEs, SearchConfig, SearchLearner};

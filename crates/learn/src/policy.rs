@@ -13,6 +13,16 @@ pub trait Policy: Send + Sync {
     /// deterministic policy.
     fn std(&self, at: &Situation) -> Action;
 
+    /// The policy at work, for one that remembers from stride to stride; `None`: its mean is all there is.
+    fn acting(&self) -> Option<Box<dyn Acting>> {
+        None
+    }
+
+    /// The measures of a stride that it wants to see while it works, by name.
+    fn measures(&self) -> &[String] {
+        &[]
+    }
+
     /// Draws an action at a situation.
     fn sample(&self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
         use rand_distr::Distribution;
@@ -25,4 +35,28 @@ pub trait Policy: Send + Sync {
             })
             .collect()
     }
+}
+
+/// A stride that was made, as an acting policy sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// x(k).
+    pub state: &'a [f64],
+    /// u(k), as applied.
+    pub action: &'a [f64],
+    /// What it was asked to do.
+    pub goal: &'a [f64],
+    /// What was measured of it, in the order of [`Policy::measures`].
+    pub measures: &'a [f64],
+    /// Whether it did not reach the section.
+    pub fell: bool,
+}
+
+/// A policy at work on one robot: it may remember from stride to stride.
+pub trait Acting: Send {
+    /// The action at a situation.
+    fn act(&mut self, at: &Situation) -> Action;
+
+    /// A stride ended.
+    fn saw(&mut self, seen: &Seen<'_>);
 }

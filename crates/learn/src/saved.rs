@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::{FORMAT, LearnError, check_format, check_length, check_number, check_spec};
 use crate::gaussian_policy::GaussianPolicy;
-use crate::policy::Policy;
+use crate::goal::{GoalAffine, GoalPlanner};
+use crate::policy::{Acting, Policy};
 
 /// Any policy of this crate, as it is written to a file: an object tagged by `kind`.
 ///
@@ -35,6 +36,10 @@ pub enum SavedPolicy {
     Constant(ConstantPolicy),
     /// A linear feedback.
     Linear(LinearPolicy),
+    /// Affine laws about goals.
+    GoalAffine(Box<GoalAffine>),
+    /// Planning in a map of goals.
+    GoalPlanner(Box<GoalPlanner>),
 }
 
 impl SavedPolicy {
@@ -45,6 +50,8 @@ impl SavedPolicy {
             Self::GaussianNetwork(_) => "gaussian_network",
             Self::Constant(_) => "constant",
             Self::Linear(_) => "linear",
+            Self::GoalAffine(_) => "goal_affine",
+            Self::GoalPlanner(_) => "goal_planner",
         }
     }
 
@@ -55,6 +62,8 @@ impl SavedPolicy {
             Self::GaussianNetwork(p) => p.spec(),
             Self::Constant(p) => &p.0.spec,
             Self::Linear(p) => &p.0.spec,
+            Self::GoalAffine(p) => &p.spec,
+            Self::GoalPlanner(p) => &p.spec,
         }
     }
 
@@ -63,8 +72,13 @@ impl SavedPolicy {
     ///
     /// # Errors
     ///
-    /// [`LearnError::OtherProcess`] with both lists of names.
+    /// [`LearnError::OtherProcess`] with both lists of names; what does not fit within a policy of goals.
     pub fn check_fits(&self, process: &ProcessSpec) -> Result<(), LearnError> {
+        match self {
+            Self::GoalAffine(p) => p.check()?,
+            Self::GoalPlanner(p) => p.check()?,
+            _ => {}
+        }
         check_same_components(self.spec(), process)
     }
 
@@ -73,6 +87,8 @@ impl SavedPolicy {
             Self::GaussianNetwork(p) => p,
             Self::Constant(p) => p,
             Self::Linear(p) => p,
+            Self::GoalAffine(p) => p.as_ref(),
+            Self::GoalPlanner(p) => p.as_ref(),
         }
     }
 }
@@ -81,7 +97,9 @@ pub(crate) fn check_same_components(policy: &ProcessSpec, process: &ProcessSpec)
     let names = |spec: &ProcessSpec| {
         let state: Vec<&str> = spec.state.iter().map(|d| d.name.as_str()).collect();
         let action: Vec<&str> = spec.action.iter().map(|d| d.name.as_str()).collect();
-        format!("states [{}] and actions [{}]", state.join(", "), action.join(", "))
+        let goal: Vec<&str> = spec.goal.iter().map(|d| d.name.as_str()).collect();
+        let goals = if goal.is_empty() { String::new() } else { format!(" and goals [{}]", goal.join(", ")) };
+        format!("states [{}] and actions [{}]{goals}", state.join(", "), action.join(", "))
     };
     let (ours, theirs) = (names(policy), names(process));
     if ours == theirs { Ok(()) } else { Err(LearnError::OtherProcess { policy: ours, process: theirs }) }
@@ -99,6 +117,14 @@ impl Policy for SavedPolicy {
     fn sample(&self, at: &Situation, rng: &mut ChaCha8Rng) -> Action {
         self.inner().sample(at, rng)
     }
+
+    fn acting(&self) -> Option<Box<dyn Acting>> {
+        self.inner().acting()
+    }
+
+    fn measures(&self) -> &[String] {
+        self.inner().measures()
+    }
 }
 
 /// A policy that can be kept: copied out of a running learner, written to a file, read again.
@@ -110,6 +136,18 @@ pub trait KeptPolicy: Policy {
 impl KeptPolicy for GaussianPolicy {
     fn to_saved(&self) -> SavedPolicy {
         SavedPolicy::GaussianNetwork(self.clone())
+    }
+}
+
+impl KeptPolicy for GoalAffine {
+    fn to_saved(&self) -> SavedPolicy {
+        SavedPolicy::GoalAffine(Box::new(self.clone()))
+    }
+}
+
+impl KeptPolicy for GoalPlanner {
+    fn to_saved(&self) -> SavedPolicy {
+        SavedPolicy::GoalPlanner(Box::new(self.clone()))
     }
 }
 

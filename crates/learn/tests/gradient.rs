@@ -15,6 +15,7 @@ fn spec(states: usize, actions: usize, bound: f64) -> ProcessSpec {
     ProcessSpec {
         state: (0..states).map(|i| StateDimension { name: format!("x{i}") }).collect(),
         action: (0..actions).map(|j| ActionDimension { name: format!("u{j}"), lower: -bound, upper: bound }).collect(),
+        goal: Vec::new(),
     }
 }
 

@@ -9,6 +9,7 @@
 //!   Press, 2006.
 
 mod error;
+mod goal_map;
 mod kick;
 mod learned;
 mod map_config;
@@ -17,6 +18,7 @@ mod saved_map;
 mod stability;
 
 pub use error::MapError;
+pub use goal_map::{GoalMap, GoalMapConfig, GoalSample, GoalScratch, GoalSlopes, SavedGoalMap};
 pub use kick::{Kick, decay_after_kick};
 pub use learned::{LearnedMap, MapFailure, MapPoint, MapPrediction, MapSample, MapWorld, StateReward};
 pub use map_config::{MapConfig, MapDraw, MapInput, MapStart};

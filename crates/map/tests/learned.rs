@@ -68,6 +68,7 @@ fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, MapError
         spec: ProcessSpec {
             state: ["x", "heading_deg"].map(|name| StateDimension { name: name.into() }).into(),
             action: vec![ActionDimension { name: "u".into(), lower: -2.0, upper: 2.0 }],
+            goal: Vec::new(),
         },
         limits: vec![ActionLimits { lower: -2.0, upper: 2.0, rate_per_stride: f64::INFINITY, gain: 1.0, neutral: 0.0 }],
         failure: MapFailure { component: None, below: 0.0, reward: -1.0 },

@@ -54,6 +54,7 @@ fn fitted(regressor: RegressorKind, strides: usize, mean: Mean) -> LearnedMap {
         spec: ProcessSpec {
             state: vec![StateDimension { name: "x".into() }],
             action: vec![ActionDimension { name: "u".into(), lower: -1.0, upper: 1.0 }],
+            goal: Vec::new(),
         },
         limits: vec![ActionLimits { lower: -1.0, upper: 1.0, rate_per_stride: f64::INFINITY, gain: 1.0, neutral: 0.0 }],
         failure: MapFailure { component: None, below: 0.0, reward: -1.0 },

@@ -69,6 +69,17 @@ pub struct ActionDimension {
     pub upper: f64,
 }
 
+/// One component of the goal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GoalDimension {
+    /// Name with unit, e.g. `"forward_speed_m_s"`.
+    pub name: String,
+    /// Smallest value that is asked for.
+    pub lower: f64,
+    /// Largest value that is asked for.
+    pub upper: f64,
+}
+
 /// What a learner may know of a process: how many numbers go in and out, and what they are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProcessSpec {
@@ -76,6 +87,9 @@ pub struct ProcessSpec {
     pub state: Vec<StateDimension>,
     /// Components of the action.
     pub action: Vec<ActionDimension>,
+    /// Components of the goal; none where a task has one purpose.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goal: Vec<GoalDimension>,
 }
 
 /// How a stride ended.

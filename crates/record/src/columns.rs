@@ -27,6 +27,9 @@ pub struct Columns {
     pub state: Vec<String>,
     /// Components of the action: `step_amplitude_deg`.
     pub action: Vec<String>,
+    /// Components of the goal: `forward_speed_m_s`; left out where a task has one purpose.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goal: Vec<String>,
 }
 
 impl Columns {
@@ -36,6 +39,7 @@ impl Columns {
         Self {
             state: spec.state.iter().map(|d| d.name.clone()).collect(),
             action: spec.action.iter().map(|d| d.name.clone()).collect(),
+            goal: spec.goal.iter().map(|d| d.name.clone()).collect(),
         }
     }
 
@@ -45,6 +49,7 @@ impl Columns {
         columns.extend(self.state.iter().cloned());
         columns.extend(self.action.iter().map(|name| format!("last_{name}")));
         columns.extend(self.action.iter().cloned());
+        columns.extend(self.goal.iter().map(|name| format!("goal_{name}")));
         columns.extend(self.state.iter().map(|name| format!("next_{name}")));
         columns.extend(["reward".into(), "end".into()]);
         columns
@@ -77,7 +82,8 @@ impl Columns {
             t.time_s.to_string(),
             t.stance_name().into(),
         ];
-        for numbers in [&t.state, &t.last_action, &t.action, &t.next_state] {
+        let goal: &[f64] = &t.goal;
+        for numbers in [&t.state, &t.last_action, &t.action, goal, &t.next_state] {
             cells.extend(numbers.iter().map(ToString::to_string));
         }
         cells.push(t.reward.to_string());
@@ -178,6 +184,7 @@ impl Columns {
             state: numbers(&self.state, "")?,
             last_action: numbers(&self.action, "last_")?,
             action: numbers(&self.action, "")?,
+            goal: numbers(&self.goal, "goal_")?.into_iter().collect(),
             next_state: numbers(&self.state, "next_")?,
             reward: row.bounded("reward")?,
             end: row.word("end", &ENDS, StrideEnd::name)?,
@@ -213,6 +220,7 @@ mod tests {
         Columns::new(&ProcessSpec {
             state: vec![StateDimension { name: "psi_roll_deg".into() }],
             action: vec![ActionDimension { name: "step_amplitude_deg".into(), lower: -1.0, upper: 1.0 }],
+            goal: Vec::new(),
         })
     }
 
@@ -228,6 +236,7 @@ mod tests {
             state: smallvec::smallvec![std::f64::consts::PI],
             last_action: smallvec::smallvec![-0.1],
             action: smallvec::smallvec![1.0 / 3.0],
+            goal: Default::default(),
             next_state: smallvec::smallvec![1e-300],
             reward: -0.25,
             end: StrideEnd::Crossing,

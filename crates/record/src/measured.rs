@@ -271,6 +271,7 @@ mod tests {
             state: smallvec::smallvec![0.0],
             last_action: smallvec::smallvec![0.0],
             action: smallvec::smallvec![0.0],
+            goal: Default::default(),
             next_state: smallvec::smallvec![0.0],
             reward: 0.0,
             end,

@@ -83,6 +83,8 @@ pub struct Transition {
     pub state: State,
     /// u(k−1), as applied.
     pub last_action: Action,
+    /// What it was asked to do; empty in tasks with one purpose.
+    pub goal: Goal,
     /// u(k), as applied.
     pub action: Action,
     /// x(k+1); the last state known where the stride did not reach the section.
@@ -105,7 +107,7 @@ impl Transition {
     /// Where it began, as policy and map see it.
     #[must_use]
     pub fn situation(&self) -> Situation {
-        Situation { state: self.state.clone(), last_action: self.last_action.clone(), goal: Goal::new() }
+        Situation { state: self.state.clone(), last_action: self.last_action.clone(), goal: self.goal.clone() }
     }
 
     /// The word for its stance leg that is used in files, empty if it is not known.

@@ -313,7 +313,7 @@ mod tests {
         let recording =
             Recording { format: 1, shapes: vec![shape], period_s: 0.02, frames: vec![frame(4.0), frame(4.02)] };
         Run {
-            columns: Columns { state: vec!["psi_roll_deg".into()], action: vec!["step_deg".into()] },
+            columns: Columns { state: vec!["psi_roll_deg".into()], action: vec!["step_deg".into()], goal: Vec::new() },
             record: vec![("final".into(), stride(4.5)), ("nominal".into(), stride(4.4))],
             transitions: vec![stride(5.0), stride(5.6)],
             recordings: vec![("final".into(), recording)],

@@ -127,6 +127,7 @@ fn a_vector_of_states_and_actions_has_a_panel_for_each_pair() {
     let columns = Columns {
         state: ["psi_roll_deg", "psi_pitch_deg", "psi_pitch_rate_deg_s"].map(str::to_owned).to_vec(),
         action: ["walk_amplitude_deg", "ankle_lean_deg"].map(str::to_owned).to_vec(),
+        goal: Vec::new(),
     };
     let mut grid = PolicyGrid {
         state: vec![Vec::new(); 3],
@@ -227,7 +228,11 @@ fn return_maps_without_pushes_tell_slope_and_fixed_point() {
         ("final".to_owned(), Transition { episode, k, next_state, ..Transition::default() })
     };
     let figure = undisturbed_return_maps(&Run {
-        columns: Columns { state: vec!["psi_roll_deg".into()], action: vec!["step_amplitude_deg".into()] },
+        columns: Columns {
+            state: vec!["psi_roll_deg".into()],
+            action: vec!["step_amplitude_deg".into()],
+            goal: Vec::new(),
+        },
         summary: Some(Summary { final_policy: Some(performance.into()), ..Summary::default() }),
         // A fall parts the stretches: no pair reaches over it.
         record: vec![stride(0, 0, 4.0), stride(0, 1, 3.0), stride(0, 2, 2.5), stride(1, 0, 9.0)],

@@ -132,6 +132,7 @@ impl CompassGait {
                 lower: -p.max_hip_torque_nm,
                 upper: p.max_hip_torque_nm,
             }],
+            goal: Vec::new(),
         };
         Ok(Self { parameters, spec, state: None })
     }

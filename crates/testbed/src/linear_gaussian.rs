@@ -169,6 +169,7 @@ impl LinearGaussianMap {
                 .enumerate()
                 .map(|(j, &[lower, upper])| ActionDimension { name: format!("u{j}"), lower, upper })
                 .collect(),
+            goal: Vec::new(),
         };
         Ok(Self { parameters, spec, state: None })
     }

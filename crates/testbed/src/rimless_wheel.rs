@@ -122,6 +122,7 @@ impl RimlessWheel {
         let spec = ProcessSpec {
             state: vec![StateDimension { name: "speed_rad_s".into() }],
             action: vec![ActionDimension { name: "push_off_j_kg".into(), lower: 0.0, upper: p.max_push_off_j_kg }],
+            goal: Vec::new(),
         };
         Ok(Self { parameters, spec, speed_rad_s: None })
     }

@@ -7,6 +7,7 @@ use stridemap_robot::{Robot, RobotState};
 use stridemap_section::{Crossing, SectionConfig};
 
 use crate::fall::FailureConfig;
+use crate::goal::GoalConfig;
 use crate::reward::RewardTerm;
 use crate::state::StateComponent;
 
@@ -26,6 +27,8 @@ pub struct PlantTask {
     pub state: Vec<StateComponent>,
     /// Components of the action.
     pub action: Vec<PlantAction>,
+    /// Components of the goal.
+    pub goals: Vec<GoalConfig>,
     /// Reward of a stride that reached the next section.
     pub reward: Vec<RewardTerm>,
     /// When a stride counts as a fall or a stall.

@@ -1,6 +1,7 @@
 //! What the types of a task cannot say.
 
 use crate::error::{LabError, unless};
+use crate::reward::RewardQuantity;
 use crate::task::Task;
 
 impl Task {
@@ -18,6 +19,7 @@ impl Task {
         self.section.validate()?;
         self.check_state()?;
         self.plant_actions()?;
+        self.check_goal()?;
         self.check_reward()?;
         self.check_failure()?;
         self.check_collect()?;
@@ -73,6 +75,24 @@ impl Task {
             "map.invariant",
             "is said by the components of the state (heading_deg); leave it out",
         )
+    }
+
+    fn check_goal(&self) -> Result<(), LabError> {
+        for (i, goal) in self.goal.iter().enumerate() {
+            let [low, high] = goal.range;
+            let twice = self.goal[..i].iter().any(|g| g.name == goal.name);
+            unless(!twice, format!("goal.{i}.name"), format!("names {} twice", goal.name.name))?;
+            unless(low <= high, format!("goal.{i}.range"), format!("[{low}, {high}] must be in order"))?;
+            unless(goal.hold > 0, format!("goal.{i}.hold"), "must be at least 1 stride")?;
+            unless(goal.unit > 0.0, format!("goal.{i}.unit"), "must be positive: the error that counts as one")?;
+            let known = goal.command.as_ref().is_none_or(|c| self.action.iter().any(|a| a.modulates == *c));
+            unless(known, format!("goal.{i}.command"), "must be what one of the [[action]] modulates")?;
+        }
+        let asks = self.reward.iter().position(|t| t.quantity == RewardQuantity::GOAL_SQUARED_ERROR);
+        match asks {
+            Some(i) => unless(!self.goal.is_empty(), format!("reward.{i}"), "needs at least one [[goal]]"),
+            None => unless(self.goal.is_empty(), "goal", "needs a [[reward]] of \"goal_squared_error\""),
+        }
     }
 
     fn check_reward(&self) -> Result<(), LabError> {

@@ -25,6 +25,7 @@ use crate::caution::CautionConfig;
 use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
 use crate::gaits::gaits;
+use crate::goal::GoalConfig;
 use crate::learner::{ControlsConfig, SearchSettings};
 use crate::plant::{Plant, PlantAction, PlantTask};
 use crate::reward::RewardTerm;
@@ -63,6 +64,9 @@ pub struct Task {
     pub section: SectionConfig,
     /// Components of the action.
     pub action: Vec<ActionConfig>,
+    /// Components of the goal; left out: the task has one purpose.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goal: Vec<GoalConfig>,
     /// Terms of the reward; it is their sum.
     pub reward: Vec<RewardTerm>,
     /// When a stride counts as a fall or a stall.
@@ -249,6 +253,7 @@ impl Task {
                     upper: a.limits.upper,
                 })
                 .collect(),
+            goal: self.goal.iter().map(GoalConfig::dimension).collect(),
         })
     }
 
@@ -303,6 +308,7 @@ impl Task {
         let task = PlantTask {
             state: self.state.clone(),
             action: self.plant_actions()?,
+            goals: self.goal.clone(),
             reward: self.reward.clone(),
             failure: self.failure,
             section: self.section,

@@ -19,6 +19,7 @@ fn script(strides: &[(f64, f64, StrideEnd)]) -> Script {
     let spec = ProcessSpec {
         state: vec![StateDimension { name: "x".into() }],
         action: vec![ActionDimension { name: "u".into(), lower: -100.0, upper: 100.0 }],
+        goal: Vec::new(),
     };
     Script { spec, strides: strides.to_vec(), played: 0, resets: 0, actions: Vec::new() }
 }

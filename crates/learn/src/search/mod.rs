@@ -44,7 +44,7 @@ impl Learner for SearchLearner {
                 match policy {
                     SavedPolicy::Constant(p) => p.action().to_vec(),
                     SavedPolicy::Linear(p) => p.action().to_vec(),
-                    SavedPolicy::GaussianNetwork(_) => {
+                    _ => {
                         return Err(LearnError::InitialPolicy { expected: "constant or linear", found: policy.kind() });
                     }
                 }

@@ -339,6 +339,7 @@ mod tests {
             columns: stridemap_record::Columns {
                 state: vec!["psi_roll_deg".into()],
                 action: vec!["ankle_roll_amplitude_deg".into()],
+                goal: Vec::new(),
             },
             grids: vec![(1, grid)],
             transitions: vec![stride(0.0, 0.5, 0.9), stride(1.0, 1.0, -0.4)],
