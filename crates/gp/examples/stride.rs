@@ -1,4 +1,4 @@
-//! Time of an imagined stride, the counterpart of `benches/peers/jax_roll.py`: all outputs and a
+//! Time of an imagined stride, the counterpart of `benches/peers/jax_roll.py`: a Gaussian process for each output and a
 //! draw, each stride starting where the last one ended.
 //!
 //! ```text
@@ -10,7 +10,8 @@
 use cpu_time::ProcessTime;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_gp::{Draw, Gp, Hyperparameters, Kernel, Mean, MultiGp, Points};
+use rand_distr::{Distribution, StandardNormal};
+use stridemap_gp::{Gp, GpError, Hyperparameters, Kernel, Mean, Points};
 
 const STRIDES: usize = 1000;
 
@@ -29,7 +30,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let action: f64 = state.iter().map(|x| 0.1 * x).sum();
                 input[..dims - 1].copy_from_slice(&state[..dims - 1]);
                 input[dims - 1] = action.tanh();
-                map.sample_into(&input, Draw::Latent, &mut rng, &mut state[..outputs])?;
+                for (model, next) in map.iter().zip(&mut state) {
+                    let (at, normal): (_, f64) = (model.predict(&input)?, StandardNormal.sample(&mut rng));
+                    *next = at.mean + at.latent_variance.sqrt() * normal;
+                }
                 state.iter_mut().for_each(|x| *x = x.clamp(-1.0, 1.0));
             }
             times.push(begin.elapsed().as_secs_f64() / STRIDES as f64);
@@ -45,10 +49,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn map(n: usize, dims: usize, outputs: usize) -> Result<MultiGp, Box<dyn std::error::Error>> {
+fn map(n: usize, dims: usize, outputs: usize) -> Result<Vec<Gp>, GpError> {
     let x: Vec<f64> = (0..n * dims).map(|i| ((i * i * 5 + i) as f64).sin()).collect();
     let points = Points::new(&x, dims)?;
-    let models: Result<Vec<Gp>, _> = (0..outputs)
+    (0..outputs)
         .map(|e| {
             let y: Vec<f64> = points
                 .rows()
@@ -58,6 +62,5 @@ fn map(n: usize, dims: usize, outputs: usize) -> Result<MultiGp, Box<dyn std::er
                 Hyperparameters { length_scales: vec![0.8; dims], signal_variance: 1.0, noise_variance: 0.01 };
             Gp::condition(points, &y, Kernel::SquaredExponential, Mean::Zero, hyperparameters)
         })
-        .collect();
-    Ok(MultiGp::from_models(models?)?)
+        .collect()
 }

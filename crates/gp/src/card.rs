@@ -4,11 +4,11 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::FitReport;
 use crate::gp::Gp;
 use crate::hyper::Hyperparameters;
 use crate::kernel::Kernel;
 use crate::mean::{Mean, spread};
+use crate::optimize::FitReport;
 use crate::optimize::Stop;
 use crate::scores::{LeaveOneOut, LeaveOneOutScores};
 use crate::sparse::SparseGp;

@@ -1,7 +1,6 @@
 //! Maximum-likelihood (or maximum-a-posteriori) hyperparameters from several starts.
 
 use rand::Rng;
-use serde::{Deserialize, Serialize};
 
 use crate::error::{GpError, Result};
 use crate::evidence::{Evidence, NoValue};
@@ -9,7 +8,7 @@ use crate::gp::{Gp, check_data};
 use crate::hyper::Hyperparameters;
 use crate::mean::Frame;
 use crate::memory::check_memory;
-use crate::optimize::{Limits, Objective, Outcome, Stop, minimize};
+use crate::optimize::{FitReport, Limits, Objective, Outcome, StartReport, Stop, minimize};
 use crate::options::{FitOptions, Resolved};
 use crate::points::Points;
 
@@ -17,38 +16,6 @@ use crate::points::Points;
 const START_FACTOR: f64 = 10.0;
 /// Random starts of the noise variance, in variances of `y`.
 const START_NOISE: (f64, f64) = (1e-4, 1.0);
-
-/// One search for the hyperparameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StartReport {
-    /// Log marginal likelihood at the end, in nats; `None` if the start had none.
-    pub log_marginal_likelihood: Option<f64>,
-    /// Evaluations of the evidence.
-    pub evaluations: usize,
-    /// Why the search ended.
-    pub stop: Stop,
-}
-
-/// How the hyperparameters of a model were found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FitReport {
-    /// Every search, in order.
-    pub starts: Vec<StartReport>,
-    /// Index of the search whose result was kept.
-    pub best: usize,
-    /// Bounds of `(σ_f², σₙ², ℓ…)` in the user's units.
-    pub lower: Vec<f64>,
-    /// Upper bounds, likewise.
-    pub upper: Vec<f64>,
-}
-
-impl FitReport {
-    /// The search whose result was kept.
-    #[must_use]
-    pub fn best_start(&self) -> &StartReport {
-        &self.starts[self.best]
-    }
-}
 
 impl Gp {
     /// Finds the hyperparameters that make the data most probable, and conditions on the data:

@@ -1,17 +1,16 @@
 //! The fitted model: a prior conditioned on data.
 
 use pulp::Arch;
-use serde::{Deserialize, Serialize};
 
 use crate::aligned::Aligned;
 use crate::dense::{DenseScratch, cholesky, small_backward, small_cholesky, small_forward, triangular_inverse};
 use crate::error::{GpError, Result, check_finite, check_len};
 use crate::evidence::{Fill, LOG_2_PI};
-use crate::fit::FitReport;
 use crate::hyper::Hyperparameters;
 use crate::kernel::{Kernel, with_profile};
 use crate::mean::{Frame, Mean};
 use crate::memory::check_memory;
+use crate::optimize::FitReport;
 use crate::panels::InverseFactor;
 use crate::points::Points;
 use crate::vector::padded;
@@ -21,8 +20,7 @@ use crate::vector::padded;
 /// Made by [`Gp::fit`], which finds the hyperparameters, or [`Gp::condition`], which is given them.
 /// All answers are in the user's units. A `Gp` is immutable under prediction and can be shared
 /// between threads.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(into = "crate::saved::SavedGp", try_from = "crate::saved::SavedGp")]
+#[derive(Clone, Debug)]
 pub struct Gp {
     pub(crate) arch: Arch,
     pub(crate) kernel: Kernel,
@@ -287,12 +285,6 @@ impl Gp {
     #[must_use]
     pub fn kernel(&self) -> Kernel {
         self.kernel
-    }
-
-    /// The mean function.
-    #[must_use]
-    pub fn mean_function(&self) -> Mean {
-        self.mean
     }
 
     /// Length scales, signal variance and noise variance, in the user's units.

@@ -280,6 +280,38 @@ impl InverseHessian {
     }
 }
 
+/// One search for the hyperparameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StartReport {
+    /// Log marginal likelihood at the end, in nats; `None` if the start had none.
+    pub log_marginal_likelihood: Option<f64>,
+    /// Evaluations of the evidence.
+    pub evaluations: usize,
+    /// Why the search ended.
+    pub stop: Stop,
+}
+
+/// How the hyperparameters of a model were found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitReport {
+    /// Every search, in order.
+    pub starts: Vec<StartReport>,
+    /// Index of the search whose result was kept.
+    pub best: usize,
+    /// Bounds of `(σ_f², σₙ², ℓ…)` in the user's units.
+    pub lower: Vec<f64>,
+    /// Upper bounds, likewise.
+    pub upper: Vec<f64>,
+}
+
+impl FitReport {
+    /// The search whose result was kept.
+    #[must_use]
+    pub fn best_start(&self) -> &StartReport {
+        &self.starts[self.best]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,12 +2,22 @@
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
 
 use crate::dense::small_forward;
 use crate::error::{GpError, Result, check_len};
 use crate::gp::{Gp, dot};
-use crate::multi::Draw;
 use crate::points::Points;
+
+/// What a draw contains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Draw {
+    /// The latent function.
+    Latent,
+    /// The next observation: the latent function and the noise \[MA09, eq. (13)\].
+    Observation,
+}
 
 /// Pivots below this share of the prior variance are rounding: the draw has no part along them.
 const PIVOT_ROUND_OFF: f64 = 1e-12;

@@ -5,24 +5,21 @@
 //! processor. A model that was updated point by point saves its factor as well, because
 //! conditioning anew would round differently. A checksum over all numbers finds a changed digit.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::{GpError, Result, check_finite, check_len};
-use crate::fit::FitReport;
 use crate::gp::{Gp, check_data};
 use crate::hyper::Hyperparameters;
 use crate::kernel::Kernel;
 use crate::mean::{Frame, Mean};
-use crate::multi::MultiGp;
+use crate::optimize::FitReport;
 use crate::panels::InverseFactor;
 use crate::points::Points;
 use crate::scores::LeaveOneOutScores;
 
 /// Format of one saved model.
 const FORMAT: &str = "stridemap-gp";
-/// Format of several models over the same inputs.
-const MULTI_FORMAT: &str = "stridemap-multi-gp";
-/// Version of both formats that is written and read.
+/// Version of the format that is written and read.
 pub(crate) const VERSION: u32 = 1;
 
 /// The saved form of a [`Gp`].
@@ -46,15 +43,6 @@ pub(crate) struct SavedGp {
     updates: usize,
     factor: Option<Vec<f64>>,
     checksum: String,
-}
-
-/// The saved form of a [`MultiGp`].
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct SavedMultiGp {
-    format: String,
-    version: u32,
-    models: Vec<SavedGp>,
 }
 
 #[derive(Deserialize)]
@@ -178,20 +166,15 @@ impl TryFrom<SavedGp> for Gp {
     }
 }
 
-impl From<MultiGp> for SavedMultiGp {
-    fn from(multi: MultiGp) -> Self {
-        let models = multi.models().iter().cloned().map(SavedGp::from).collect();
-        Self { format: MULTI_FORMAT.to_owned(), version: VERSION, models }
+impl Serialize for Gp {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        SavedGp::from(self.clone()).serialize(serializer)
     }
 }
 
-impl TryFrom<SavedMultiGp> for MultiGp {
-    type Error = GpError;
-
-    fn try_from(saved: SavedMultiGp) -> Result<Self> {
-        check_header(&saved.format, saved.version, MULTI_FORMAT)?;
-        let models: Result<Vec<Gp>> = saved.models.into_iter().map(Gp::try_from).collect();
-        Self::from_models(models?)
+impl<'de> Deserialize<'de> for Gp {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        SavedGp::deserialize(deserializer)?.try_into().map_err(serde::de::Error::custom)
     }
 }
 
@@ -250,26 +233,5 @@ impl Gp {
     pub fn from_json(text: &str) -> Result<Self> {
         check_text(text, FORMAT)?;
         parse::<SavedGp>(text)?.try_into()
-    }
-}
-
-impl MultiGp {
-    /// The models as JSON.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gp::to_json`].
-    pub fn to_json(&self) -> Result<String> {
-        write(self)
-    }
-
-    /// Reads models that [`to_json`](Self::to_json) wrote.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gp::from_json`].
-    pub fn from_json(text: &str) -> Result<Self> {
-        check_text(text, MULTI_FORMAT)?;
-        parse::<SavedMultiGp>(text)?.try_into()
     }
 }

@@ -6,7 +6,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_gp::{
-    Bounds, Draw, FitOptions, Gp, Hyperparameters, Kernel, Mean, MultiGp, Points, Prior, Priors, Range, Scratch,
+    Bounds, Draw, FitOptions, Gp, Hyperparameters, Kernel, Mean, Points, Prior, Priors, Range, Scratch,
 };
 
 const KERNELS: [Kernel; 3] = [Kernel::SquaredExponential, Kernel::Matern32, Kernel::Matern52];
@@ -217,26 +217,4 @@ fn more_starts_are_never_worse_and_repeat_with_the_seed() {
     assert!(six.log_marginal_likelihood() >= one.log_marginal_likelihood() - 1e-9);
     assert_eq!(six.report().unwrap().starts.len(), 6);
     assert_same(&six, &fit(6), f64::MIN_POSITIVE);
-}
-
-#[test]
-fn outputs_together_are_those_one_by_one() {
-    let (x, y) = data(20);
-    let other: Vec<f64> = y.iter().map(|y| y * y).collect();
-    let points = Points::new(&x, DIMS).unwrap();
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let map = MultiGp::fit(points, &[&y, &other], &FitOptions::default(), &mut rng).unwrap();
-    let again = MultiGp::from_json(&map.to_json().unwrap()).unwrap();
-    let (mut mean, mut variance) = ([0.0; 2], [0.0; 2]);
-    again.predict_into(&[0.2, 0.1], &mut mean, &mut variance).unwrap();
-    for e in 0..2 {
-        let at = map.models()[e].predict(&[0.2, 0.1]).unwrap();
-        assert_eq!(at.mean.to_bits(), mean[e].to_bits());
-        assert_eq!(at.latent_variance.to_bits(), variance[e].to_bits());
-    }
-    let (mut p, mut q) = ([0.0; 2], [0.0; 2]);
-    let (mut r, mut s) = (ChaCha8Rng::seed_from_u64(4), ChaCha8Rng::seed_from_u64(4));
-    map.sample_into(&[0.2, 0.1], Draw::Observation, &mut r, &mut p).unwrap();
-    again.sample_into(&[0.2, 0.1], Draw::Observation, &mut s, &mut q).unwrap();
-    assert_eq!(p.map(f64::to_bits), q.map(f64::to_bits));
 }

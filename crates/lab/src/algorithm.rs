@@ -10,9 +10,6 @@
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
 mod measured;
-mod recorder;
-
-pub use recorder::{NoRecorder, Progress, Recorder};
 
 use std::cell::Cell;
 use std::time::Instant;
@@ -23,13 +20,13 @@ use stridemap_map::{LearnedMap, MapError, MapSample, MapWorld, StateReward};
 use stridemap_process::{StrideEnd, StrideProcess};
 
 use crate::error::LabError;
-use crate::learner::Known;
-use crate::plant::{Plant, PlantCounters};
+use crate::learner::{FEWEST, Known};
+use crate::plant::{Batch, Plant, PlantCounters};
+use crate::recorder::{Progress, Recorder};
 use crate::reward::reward_of_state;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
-use crate::strides::{Act, ActionSource, Batch, Source, drive};
-use crate::suffices::FEWEST;
+use crate::strides::{Act, ActionSource, Source, drive};
 use crate::task::Task;
 use stridemap_record::{
     GuardWarning, InPlace, Iteration, Performance, Phase, RobotFall, StridePhase, StrideRole, Transition,

@@ -6,8 +6,9 @@ use stridemap_map::{Kick, MapDraw, MapInput, decay_after_kick};
 use stridemap_process::StrideEnd;
 use stridemap_record::{InPlace, Proof, StrideRole, Transition};
 
-use crate::algorithm::{Progress, fit_map};
+use crate::algorithm::fit_map;
 use crate::error::{Invalid, LabError};
+use crate::recorder::Progress;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
 use crate::task::Task;

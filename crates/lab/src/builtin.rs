@@ -8,6 +8,7 @@ use stridemap_config::{ConfigError, Document, Format, nearest, to_toml};
 use stridemap_mujoco::{ModelSource, MujocoError};
 
 use crate::error::{Invalid, LabError};
+pub use crate::task::Written;
 use crate::task::{COMPONENTS, Task};
 
 /// Name and text of every built-in task.
@@ -63,16 +64,6 @@ pub struct LoadedTask {
     pub resolved: String,
     /// The file it was read from, absolute; `None` if it is built in.
     pub file: Option<PathBuf>,
-}
-
-/// Where a task was written, for faults that are found once its robot is built; no part of its value.
-#[derive(Clone, Debug, Default)]
-pub struct Written(Option<Arc<Document>>);
-
-impl PartialEq for Written {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
 }
 
 impl Task {

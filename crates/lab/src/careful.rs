@@ -2,14 +2,16 @@
 
 use stridemap_process::StrideProcess;
 
-use crate::algorithm::{Algorithm, Recorder};
+use crate::algorithm::Algorithm;
 use crate::caution::CautionConfig;
 use crate::error::LabError;
 use crate::guarded::GuardedExplorer;
+use crate::plant::Batch;
 use crate::plant::PlantCounters;
 use crate::proof::{Prover, shrunk};
+use crate::recorder::Recorder;
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch};
+use crate::strides::ActionSource;
 use stridemap_record::{GuardWarning, Performance, Proof, StridePhase, StrideRole, Transition, Verdict};
 
 impl Algorithm<'_> {

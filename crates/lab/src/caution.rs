@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Invalid, LabError};
 use crate::guard::GuardConfig;
 use crate::pessimism::PessimismConfig;
-use crate::proof::ProofConfig;
 use crate::trust::TrustConfig;
 
 /// Guard, pessimism, trust region and proof, each with its parameters.
@@ -21,6 +20,24 @@ pub struct CautionConfig {
     pub trust: TrustConfig,
     /// When a policy counts as proven.
     pub proof: ProofConfig,
+}
+
+/// When a policy counts as proven.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProofConfig {
+    /// Strides after which a policy that is no faster than the best proven one is given up.
+    pub trial_strides: usize,
+    /// Strides, the trial's included, without a warning that prove a policy.
+    pub proof_strides: usize,
+    /// First strides whose speed does not count: the way up to the policy.
+    pub settle_strides: usize,
+    /// A first policy that warned is shrunk by this factor towards stepping in place.
+    pub shrink_on_warning: f64,
+    /// How often a first policy is tried, the first time included.
+    pub attempts: usize,
+    /// Strides of backing off after a warning.
+    pub back_off_strides: usize,
 }
 
 impl CautionConfig {

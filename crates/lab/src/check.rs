@@ -9,10 +9,11 @@ use stridemap_robot::{Robot, Side};
 
 use crate::error::LabError;
 use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
+use crate::plant::Batch;
 use crate::seed::{Role, stream};
 use crate::stepping::{CLEARANCE_SHARE, GaitVerdict, Stepping};
-use crate::strides::{ActionSource, Batch, Exploration, make_strides};
-use crate::task::{ExploreRange, Task};
+use crate::strides::{ActionSource, Exploration, ExploreRange, make_strides};
+use crate::task::Task;
 
 /// Strides with random actions to see whether the action moves the map.
 const EXCITED_STRIDES: usize = 40;

@@ -6,8 +6,8 @@
 
 use stridemap_learn::SavedPolicy;
 
-use crate::algorithm::Progress;
 use crate::error::LabError;
+use crate::recorder::Progress;
 use crate::task::Task;
 use stridemap_record::{Performance, Proof, StrideRole};
 

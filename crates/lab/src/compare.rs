@@ -7,11 +7,13 @@ use stridemap_learn::{ActorCriticRun, GaussianPolicy, KeptPolicy, SavedPolicy};
 use stridemap_process::{ProcessError, ProcessSpec, Situation, State, Stride, StrideEnd, StrideProcess};
 use stridemap_record::{ComparePoint, Iteration, Performance, Spread, StridePhase, StrideRole};
 
-use crate::algorithm::{Algorithm, NoRecorder};
+use crate::algorithm::Algorithm;
 use crate::error::LabError;
+use crate::plant::Batch;
 use crate::plant::Plant;
+use crate::recorder::NoRecorder;
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, make_strides};
+use crate::strides::{ActionSource, make_strides};
 use crate::task::Task;
 
 /// Strides over which a frozen policy is measured on the robot.

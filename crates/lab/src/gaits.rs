@@ -3,7 +3,7 @@
 use stridemap_gait::{Gait, OscillatorGait};
 use stridemap_robot::RobotDescription;
 
-use crate::error::LabError;
+use crate::error::{Invalid, LabError};
 use crate::registry::{Part, Registry};
 use crate::task::Task;
 
@@ -40,4 +40,30 @@ pub fn gaits() -> &'static Registry<GaitPart> {
     };
     static GAITS: Registry<GaitPart> = Registry::new("gait", &[&OSCILLATOR]);
     &GAITS
+}
+
+impl Task {
+    /// Builds the nominal gait for a robot.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Gait`] for a configuration outside its domain, or a robot that lacks a joint which the gait
+    /// moves; [`LabError::Invalid`] for a kind that is not in the registry.
+    pub fn gait(&self, robot: &RobotDescription) -> Result<Box<dyn Gait>, LabError> {
+        (gaits().find(&self.gait.kind))
+            .ok_or_else(|| {
+                let names: Vec<&str> = gaits().all().iter().map(|g| g.name).collect();
+                let near = stridemap_config::nearest(&self.gait.kind, &names);
+                let hint = near.map_or_else(String::new, |n| format!(" did you mean \"{n}\"?"));
+                LabError::Invalid(Invalid {
+                    key: "gait.kind".into(),
+                    requirement: format!(
+                        "there is no gait {:?};{hint} (allowed: {})",
+                        self.gait.kind,
+                        names.join(", ")
+                    ),
+                })
+            })
+            .and_then(|part| (part.build)(self, robot))
+    }
 }

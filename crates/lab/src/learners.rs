@@ -4,9 +4,10 @@
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::algorithm::{Algorithm, NoRecorder};
+use crate::algorithm::Algorithm;
 use crate::error::LabError;
 use crate::learner::LearnerKind;
+use crate::recorder::NoRecorder;
 use crate::task::Task;
 use stridemap_record::{Spread, Summary, Verdict, WalkTimes};
 

@@ -43,6 +43,7 @@ mod poses;
 mod proof;
 mod provenance;
 mod push;
+mod recorder;
 mod registry;
 mod replay;
 mod reward;
@@ -62,9 +63,9 @@ mod truth;
 mod tune;
 mod walk;
 
-pub use algorithm::{Algorithm, NoRecorder, Progress, Recorder, fit_map};
+pub use algorithm::{Algorithm, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
-pub use caution::CautionConfig;
+pub use caution::{CautionConfig, ProofConfig};
 pub use check::{CheckItem, CheckReport, Gain, check};
 pub use compare::{CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
 pub use error::{Invalid, LabError};
@@ -74,19 +75,18 @@ pub use gaits::{BuildGait, GaitPart, gaits};
 pub use goal::{GoalConfig, Measure, MeasurePart, drawn, measures};
 pub use guard::{Guard, GuardConfig, GuardThresholds};
 pub use guarded::GuardedExplorer;
-pub use learner::{
-    ControlsConfig, IntegralAction, IntegralConfig, Known, LearnerKind, LearnerPart, SearchSettings, learners,
-};
+pub use learner::{ControlsConfig, IntegralConfig, Known, LearnerKind, LearnerPart, SearchSettings, learners};
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::StrideMeter;
 pub use nominal::{NominalGait, nominal_gait};
 pub use pessimism::{CautiousMap, PessimismConfig};
-pub use plant::{Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
+pub use plant::{Batch, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
 pub use poses::PoseRecorder;
-pub use proof::{ProofConfig, Prover, shrunk};
+pub use proof::{Prover, shrunk};
 pub use provenance::{provenance_of, task_differences};
 pub use push::{PUSH_VELOCITY_CHANGE_M_S, PushConfig, push};
+pub use recorder::{NoRecorder, Progress, Recorder};
 pub use registry::{Part, Registry};
 pub use replay::{Episode, Replayed, episodes, replay};
 pub use reward::{RewardOf, RewardPart, RewardQuantity, RewardTerm, reward, reward_of_state, rewards};
@@ -95,11 +95,10 @@ pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
 pub use stepping::{GaitVerdict, Stepping};
-pub use strides::{Act, ActionSource, Batch, Exploration, drive, make_strides};
-pub use success::SuccessConfig;
+pub use strides::{Act, ActionSource, Exploration, ExploreRange, IntegralAction, drive, make_strides};
 pub use task::{
-    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, ExploreRange, LearnerConfig, RecordConfig,
-    ScaleConfig, Task,
+    ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, ScaleConfig,
+    SuccessConfig, Task,
 };
 pub use trust::TrustConfig;
 pub use tune::{GaitSetting, Scale, Try, TuneOptions, Tuned, VARIANTS, tune};

@@ -12,11 +12,12 @@ use stridemap_section::Crossing;
 
 use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
+use crate::plant::Batch;
 use crate::plant::TickObserver;
 use crate::seed::{Role, stream};
 use crate::stepping::{GaitVerdict, StepMeter, Stepping};
-use crate::strides::{Act, ActionSource, Batch, Exploration, Source, drive};
-use crate::task::{ExploreRange, Task};
+use crate::strides::{Act, ActionSource, Exploration, ExploreRange, Source, drive};
+use crate::task::Task;
 
 /// How long the nominal gait must step.
 pub(crate) const NOMINAL_S: f64 = 20.0;

@@ -9,7 +9,7 @@
 
 mod parts;
 
-pub use parts::{PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
+pub use parts::{Batch, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
 
 use std::collections::VecDeque;
 
@@ -27,7 +27,6 @@ use crate::goal::Goals;
 use crate::measure::{StrideMeter, wrapped_rad};
 use crate::reward::reward;
 use crate::state::AtSection;
-use crate::strides::Batch;
 use crate::truth::TrueWay;
 
 /// The robot as a [`StrideProcess`].

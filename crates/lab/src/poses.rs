@@ -6,9 +6,9 @@ use stridemap_record::{Frame, Pace, Recording, Transition};
 use stridemap_robot::{Pose, Robot, RobotState};
 use stridemap_section::Crossing;
 
-use crate::algorithm::Recorder;
 use crate::error::LabError;
 use crate::plant::{Plant, TickObserver};
+use crate::recorder::Recorder;
 
 /// Recordings of one batch that grow while the plant walks.
 #[derive(Default)]

@@ -7,32 +7,14 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
 use stridemap_learn::{ConstantPolicy, Policy, SavedPolicy};
 use stridemap_process::{Action, Next, Situation, StrideEnd};
 use stridemap_record::{Proof, Transition, Verdict, Warning};
 
+use crate::caution::ProofConfig;
 use crate::error::LabError;
 use crate::guard::{Guard, GuardConfig, GuardThresholds};
 use crate::strides::Act;
-
-/// When a policy counts as proven.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ProofConfig {
-    /// Strides after which a policy that is no faster than the best proven one is given up.
-    pub trial_strides: usize,
-    /// Strides, the trial's included, without a warning that prove a policy.
-    pub proof_strides: usize,
-    /// First strides whose speed does not count: the way up to the policy.
-    pub settle_strides: usize,
-    /// A first policy that warned is shrunk by this factor towards stepping in place.
-    pub shrink_on_warning: f64,
-    /// How often a first policy is tried, the first time included.
-    pub attempts: usize,
-    /// Strides of backing off after a warning.
-    pub back_off_strides: usize,
-}
 
 /// Walks a policy until it is proven, given up, or the guard warns.
 pub struct Prover<'a> {

@@ -7,9 +7,10 @@ use stridemap_process::StrideEnd;
 use stridemap_record::{PushOutcome, PushPair, ReturnMapLine, StridePhase, StrideRole, Transition};
 
 use crate::error::LabError;
+use crate::plant::Batch;
 use crate::plant::{Plant, Push};
 use crate::seed::{Role, stream};
-use crate::strides::{ActionSource, Batch, make_strides};
+use crate::strides::{ActionSource, make_strides};
 
 /// Every how many strides the robot is pushed.
 const EVERY: usize = 4;

@@ -13,11 +13,11 @@ use stridemap_record::{
 use stridemap_robot::Side;
 
 use crate::error::LabError;
+use crate::plant::Batch;
 use crate::plant::Plant;
 use crate::poses::Filming;
 use crate::run::FinishedRun;
 use crate::seed::resumed;
-use crate::strides::Batch;
 
 /// An episode of a run: strides without a reset between them.
 #[derive(Clone, Debug, Serialize)]

@@ -4,10 +4,11 @@ use stridemap_map::{LearnedMap, MapError};
 use stridemap_process::StrideEnd;
 use stridemap_record::Transition;
 
-use crate::algorithm::{Algorithm, Recorder, fit_map};
+use crate::algorithm::{Algorithm, fit_map};
 use crate::error::LabError;
+use crate::plant::Batch;
 use crate::plant::PlantCounters;
-use crate::strides::Batch;
+use crate::recorder::Recorder;
 
 /// Strides of a part of a batch that goes on until the map is good enough.
 pub(crate) const PART: usize = 20;
@@ -116,8 +117,8 @@ impl Algorithm<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algorithm::NoRecorder;
     use crate::builtin;
+    use crate::recorder::NoRecorder;
     use stridemap_record::InPlace;
 
     /// A map knows the strides that it was learned from; when every other one is told the next one's

@@ -6,12 +6,14 @@ use serde::{Deserialize, Serialize};
 use stridemap_process::{Made, Next, Situation, StrideEnd, walk};
 use stridemap_record::{Performance, StridePhase, StrideRole};
 
-use crate::algorithm::{Algorithm, NoRecorder};
+use crate::algorithm::Algorithm;
 use crate::error::{Invalid, LabError};
+use crate::plant::Batch;
 use crate::plant::Plant;
+use crate::recorder::NoRecorder;
 use crate::seed::{Role, stream};
 use crate::state::StateComponent;
-use crate::strides::{ActionSource, Batch, make_strides};
+use crate::strides::{ActionSource, make_strides};
 use crate::task::Task;
 
 /// Integral action while it is given strides to settle: action per degree of error and stride.

@@ -3,15 +3,24 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
 use stridemap_learn::Policy;
-use stridemap_process::{Action, Actor, Made, Next, Situation, StrideEnd, roll_out};
-use stridemap_record::{StridePhase, StrideRole, Transition};
+use stridemap_process::{Action, ActionLimits, Actor, Made, Next, Situation, StrideEnd, roll_out};
+use stridemap_record::Transition;
 use stridemap_robot::Side;
 
 use crate::error::LabError;
-use crate::learner::IntegralAction;
-use crate::plant::Plant;
-use crate::task::ExploreRange;
+use crate::plant::{Batch, Plant};
+
+/// How the first batch explores a component: every `collect.explore.hold` strides a centre is drawn, uniform in `center`; the
+/// value is the centre plus normal noise of standard deviation `std`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExploreRange {
+    /// Range of the centre.
+    pub center: [f64; 2],
+    /// Standard deviation about the centre; left out: 0.15 units.
+    pub std: f64,
+}
 
 /// Exploration without a policy.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +29,43 @@ pub struct Exploration {
     pub ranges: Vec<ExploreRange>,
     /// Strides for which the centres are kept.
     pub hold: usize,
+}
+
+/// Integral action while it runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IntegralAction {
+    /// Component of the state that is `ψ_roll`.
+    pub component: usize,
+    /// The wanted `ψ_roll`, deg.
+    pub target_deg: f64,
+    /// Change of the action per stride and degree.
+    pub gain_per_deg: f64,
+    /// Bounds of the action, and where it starts.
+    pub limits: ActionLimits,
+}
+
+impl IntegralAction {
+    /// The action after one more section; `last` is the one before, `None` at the beginning.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use stridemap_lab::IntegralAction;
+    /// use stridemap_process::ActionLimits;
+    ///
+    /// let limits =
+    ///     ActionLimits { lower: 0.0, upper: 6.0, rate_per_stride: 2.0, gain: 1.0, neutral: 0.0 };
+    /// let law = IntegralAction { component: 0, target_deg: 4.0, gain_per_deg: 0.5, limits };
+    /// assert_eq!(law.next(None, &[5.0]), 0.5); // one degree too high
+    /// assert_eq!(law.next(Some(0.5), &[3.0]), 0.0); // one too low
+    /// assert_eq!(law.next(Some(0.0), &[3.0]), 0.0); // at its bound
+    /// ```
+    #[must_use]
+    pub fn next(&self, last: Option<f64>, state: &[f64]) -> f64 {
+        let from = last.unwrap_or(self.limits.neutral);
+        let moved = from + self.gain_per_deg * (state[self.component] - self.target_deg);
+        moved.clamp(self.limits.lower, self.limits.upper)
+    }
 }
 
 /// Where actions on the robot come from.
@@ -91,19 +137,6 @@ impl Act for Source<'_> {
 
 /// Strides in a row that the equipment may abort before a batch is given up.
 const ABORTS_IN_A_ROW: usize = 5;
-
-/// Where the strides of a batch belong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Batch {
-    /// Iteration of Algorithm 1, from 1.
-    pub iteration: usize,
-    /// In which phase they are made.
-    pub phase: StridePhase,
-    /// What they are for.
-    pub role: StrideRole,
-    /// How many.
-    pub strides: usize,
-}
 
 /// Makes a batch of strides on the robot, from a fresh start, starting afresh after each fall.
 ///

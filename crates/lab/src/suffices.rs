@@ -5,9 +5,6 @@ use crate::error::{Invalid, LabError};
 use crate::samples::PART;
 use crate::task::Task;
 
-/// With fewer strides than this a Gaussian process has nothing to say.
-pub(crate) const FEWEST: usize = 3;
-
 /// Checks that the first batch can be fitted.
 ///
 /// # Errors

@@ -80,16 +80,6 @@ impl ReturnLine {
         })
     }
 
-    /// Fits a line to the pairs (x(k), x(k + lag)) of one unbroken sequence.
-    ///
-    /// # Errors
-    ///
-    /// As [`fit`](Self::fit).
-    pub fn fit_sequence(states: &[f64], lag: usize) -> Result<Self, MapError> {
-        let pairs: Vec<_> = states.iter().copied().zip(states.iter().skip(lag).copied()).collect();
-        Self::fit(&pairs)
-    }
-
     /// Where the line meets the diagonal: intercept / (1 − slope).
     ///
     /// # Errors

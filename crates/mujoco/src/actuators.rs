@@ -7,7 +7,6 @@ use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDyn, MjtGain, MjtObjBase, MjtTrn
 use crate::binding::{Axis, Drive};
 use crate::engine::{Data, name_of, own_bodies};
 use crate::error::MujocoError;
-use crate::robot::MujocoRobot;
 
 /// An actuator, by dynamics, gain and bias together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -222,39 +221,37 @@ pub(crate) fn aside(
     Ok(held)
 }
 
-impl MujocoRobot {
-    /// Holds the servos beside the axes where the posture puts them, and lets what an actuator remembers, a
-    /// filter's state or delayed commands, begin at its present command.
-    pub(crate) fn settle_actuators(&mut self) {
-        if !self.held.is_empty() {
-            self.data.forward();
-            for held in &self.held {
-                let length = self.data.actuator_length()[held.length];
-                self.data.ctrl_mut()[held.ctrl] = held.per_length * length + held.offset;
-            }
+/// Holds the servos beside the axes where the posture puts them, and lets what an actuator remembers, a
+/// filter's state or delayed commands, begin at its present command.
+pub(crate) fn settle(model: &MjModel, data: &mut Data, axes: &[Axis], held: &[Held]) {
+    if !held.is_empty() {
+        data.forward();
+        for held in held {
+            let length = data.actuator_length()[held.length];
+            data.ctrl_mut()[held.ctrl] = held.per_length * length + held.offset;
         }
-        let servos = self.binding.axes.iter().filter_map(|axis| match axis.drive {
-            Drive::Servo { ctrl, act, .. } => Some((ctrl, act?)),
-            _ => None,
-        });
-        let held = self.held.iter().filter_map(|h| Some((h.ctrl, h.act?)));
-        for (ctrl, act) in servos.chain(held).collect::<Vec<_>>() {
-            let command = self.data.ctrl()[ctrl];
-            let allowed = match self.model.actuator_ctrllimited()[ctrl] {
-                true => self.model.actuator_ctrlrange()[ctrl],
-                false => [f64::NEG_INFINITY, f64::INFINITY],
-            };
-            self.data.act_mut()[act] = command.max(allowed[0]).min(allowed[1]);
-        }
-        for actuator in 0..self.model.nactuator() as usize {
-            let samples = self.model.actuator_history()[actuator][0];
-            if samples > 0 {
-                let ctrl = self.model.actuator_ctrladr()[actuator] as usize;
-                let count = self.model.actuator_ctrlnum()[actuator] as usize;
-                let values = self.data.ctrl()[ctrl..ctrl + count].repeat(samples as usize);
-                // The lengths are the model's own, so this cannot be refused.
-                let _ = self.data.init_ctrl_history(actuator, None, &values);
-            }
+    }
+    let servos = axes.iter().filter_map(|axis| match axis.drive {
+        Drive::Servo { ctrl, act, .. } => Some((ctrl, act?)),
+        _ => None,
+    });
+    let held = held.iter().filter_map(|h| Some((h.ctrl, h.act?)));
+    for (ctrl, act) in servos.chain(held).collect::<Vec<_>>() {
+        let command = data.ctrl()[ctrl];
+        let allowed = match model.actuator_ctrllimited()[ctrl] {
+            true => model.actuator_ctrlrange()[ctrl],
+            false => [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        data.act_mut()[act] = command.max(allowed[0]).min(allowed[1]);
+    }
+    for actuator in 0..model.nactuator() as usize {
+        let samples = model.actuator_history()[actuator][0];
+        if samples > 0 {
+            let ctrl = model.actuator_ctrladr()[actuator] as usize;
+            let count = model.actuator_ctrlnum()[actuator] as usize;
+            let values = data.ctrl()[ctrl..ctrl + count].repeat(samples as usize);
+            // The lengths are the model's own, so this cannot be refused.
+            let _ = data.init_ctrl_history(actuator, None, &values);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{JointDescription, JointLimits, LegJoint, LegRole, Legs, RobotDescription, Side};
 
-use crate::error::{MujocoError, nearest};
+use crate::error::{MujocoError, check, nearest};
 use crate::hardware::HardwareConfig;
 use crate::per_joint::{PerJoint, RestAngle};
 
@@ -404,14 +404,6 @@ impl MujocoConfig {
             None => Ok(()),
         }
     }
-}
-
-/// An error unless a value is in its domain.
-pub(crate) fn check(field: &'static str, value: f64, good: bool, allowed: &'static str) -> Result<(), MujocoError> {
-    if good {
-        return Ok(());
-    }
-    Err(MujocoError::BadValue { field, value, allowed })
 }
 
 /// Physics steps in a control period.

@@ -12,7 +12,6 @@ use sha2::{Digest, Sha256};
 use crate::config::{Missing, ModelSource};
 use crate::error::MujocoError;
 use crate::foreign;
-use crate::store::load;
 
 /// The built-in biped, as MJCF text.
 pub const BIPED_XML: &str = include_str!("../models/biped.xml");
@@ -95,7 +94,7 @@ pub(crate) fn take_warning() -> String {
     LAST_WARNING.with_borrow_mut(std::mem::take)
 }
 
-/// Compiles a model as it is, with what it lacks; [`load`](crate::store::load) does it once.
+/// Compiles a model as it is, with what it lacks, anew each time.
 pub(crate) fn compile(source: &ModelSource, added: &[Missing]) -> Result<MjModel, MujocoError> {
     install_log_handler();
     let error = |reason: String| MujocoError::Load { model: source.to_string(), reason };
@@ -124,18 +123,8 @@ pub(crate) fn compile(source: &ModelSource, added: &[Missing]) -> Result<MjModel
     }
 }
 
-/// A model as MuJoCo compiles it, meshes included and without overrides: as a file `*.mjb` it stands for the
-/// original wherever a model file is named, in this version of MuJoCo.
-///
-/// # Errors
-///
-/// [`MujocoError::Load`].
-pub fn compiled(source: &ModelSource, added: &[Missing]) -> Result<Vec<u8>, MujocoError> {
-    let model = load(source, added)?;
-    bytes(&model)
-}
-
-fn bytes(model: &MjModel) -> Result<Vec<u8>, MujocoError> {
+/// A compiled model as a file.
+pub(crate) fn bytes(model: &MjModel) -> Result<Vec<u8>, MujocoError> {
     let mut bytes = vec![0; model.size()];
     model
         .save_to_buffer(&mut bytes)

@@ -37,7 +37,7 @@ pub enum MujocoError {
         reason: String,
     },
     /// A name in the configuration is not in the model.
-    #[error("{field}: the model has no {what} named {name:?}{}", hint(near))]
+    #[error("{field}: the model has no {what} named {name:?}; {}", listed(near))]
     NoSuchName {
         /// Where the name stands, e.g. `left.knee`.
         field: String,
@@ -45,7 +45,7 @@ pub enum MujocoError {
         what: &'static str,
         /// The name.
         name: String,
-        /// The nearest names in the model.
+        /// Those that the model has, the nearest first.
         near: Vec<String>,
     },
     /// An angle for each leg, for a joint that is in none.
@@ -137,6 +137,14 @@ impl MujocoError {
     }
 }
 
+/// An error unless a value is in its domain.
+pub(crate) fn check(field: &'static str, value: f64, good: bool, allowed: &'static str) -> Result<(), MujocoError> {
+    if good {
+        return Ok(());
+    }
+    Err(MujocoError::BadValue { field, value, allowed })
+}
+
 /// The largest step up to `step` that divides the period.
 fn dividing(period: f64, step: f64) -> f64 {
     rounded(period / (period / step).ceil().max(1.0))
@@ -152,24 +160,30 @@ fn rounded(seconds: f64) -> f64 {
     (seconds * 1e9).round() / 1e9
 }
 
-/// "; did you mean ...?" for near matches, nothing without.
-fn hint(near: &[String]) -> String {
-    match near {
-        [] => String::new(),
-        names => format!("; the nearest are {}", names.join(", ")),
+/// A message lists so many names.
+const LISTED: usize = 12;
+
+/// The names there are, as they come.
+fn listed(known: &[String]) -> String {
+    let more = match known.len().saturating_sub(LISTED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    match known {
+        [] => "it has none".into(),
+        known => format!("it has, the nearest first: {}{more}", known[..known.len().min(LISTED)].join(", ")),
     }
 }
 
-/// The names nearest to `name`, best first, at most four; none that is wholly different.
+/// These names, the nearest to `name` first.
 pub(crate) fn nearest<'a>(name: &str, among: impl Iterator<Item = &'a str>) -> Vec<String> {
     let wanted = name.to_lowercase();
     let mut scored: Vec<(f64, &str)> = among
         .filter(|candidate| !candidate.is_empty())
         .map(|c| (strsim::jaro_winkler(&wanted, &c.to_lowercase()), c))
-        .filter(|(score, _)| *score > 0.6)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
     // A role is there once for each leg.
     scored.dedup_by_key(|(_, name)| *name);
-    scored.into_iter().take(4).map(|(_, c)| c.into()).collect()
+    scored.into_iter().map(|(_, c)| c.into()).collect()
 }

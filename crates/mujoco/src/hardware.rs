@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 use stridemap_robot::SensorFrame;
 use stridemap_robot::kinematics::{of_rotation_vector, product};
 
-use crate::config::{MujocoConfig, check};
-use crate::error::MujocoError;
+use crate::error::{MujocoError, check};
 
 /// The stream of an individual's constants; noise uses other streams.
 const INDIVIDUAL_STREAM: u64 = 1;
@@ -126,21 +125,6 @@ impl HardwareConfig {
             check("hardware.torso_offset_m", value, value.is_finite(), "finite")?;
         }
         Ok(())
-    }
-
-    /// The body that has these effects, from one that has not.
-    pub(crate) fn body_of(&self, ideal: &MujocoConfig) -> MujocoConfig {
-        MujocoConfig {
-            friction: Some(self.friction),
-            mass_scale: ideal.mass_scale * self.mass_scale,
-            torso_offset_m: [0, 1, 2].map(|k| ideal.torso_offset_m[k] + self.torso_offset_m[k]),
-            kp_nm_rad: Some(self.kp_nm_rad.into()),
-            joint_friction_nm: Some(self.joint_friction_nm),
-            torque_limit_nm: Some(self.torque_limit_nm.into()),
-            hardware: None,
-            estimated: false,
-            ..ideal.clone()
-        }
     }
 }
 

@@ -8,7 +8,6 @@
 //! reaches a return map.
 
 mod actuators;
-mod bench;
 mod binding;
 mod config;
 mod dimensions;
@@ -31,7 +30,7 @@ mod world;
 
 pub use config::{LegMap, Missing, ModelSource, MujocoConfig};
 pub use dimensions::Dimensions;
-pub use engine::{BIPED_XML, OP3_XML, Provenance, compiled, mujoco_version, sha256};
+pub use engine::{BIPED_XML, OP3_XML, Provenance, mujoco_version, sha256};
 pub use error::MujocoError;
 pub use guess::{Guess, GuessedJoint, guess};
 pub use hardware::HardwareConfig;
@@ -39,3 +38,4 @@ pub use machine::{SimulatedMachine, estimator, kinematic_model};
 pub use per_joint::{PerJoint, RestAngle};
 pub use report::{ActuatorKind, JointReport};
 pub use robot::{MujocoRobot, Snapshot};
+pub use store::compiled;

@@ -53,7 +53,7 @@ impl SimulatedMachine {
             None => MujocoRobot::new(ideal)?,
             Some(hardware) => {
                 hardware.validate()?;
-                MujocoRobot::new(hardware.body_of(&ideal))?
+                MujocoRobot::new(body_of(hardware, &ideal))?
             }
         };
         let joints = &robot.description().joints;
@@ -190,6 +190,21 @@ impl MujocoRobot {
             angular_velocity_rad_s: state.base.angular_velocity_rad_s,
             loads_n: [state.feet[0].load_n, state.feet[1].load_n],
         }
+    }
+}
+
+/// The body that has these effects of hardware, from one that has not.
+fn body_of(hardware: &HardwareConfig, ideal: &MujocoConfig) -> MujocoConfig {
+    MujocoConfig {
+        friction: Some(hardware.friction),
+        mass_scale: ideal.mass_scale * hardware.mass_scale,
+        torso_offset_m: [0, 1, 2].map(|k| ideal.torso_offset_m[k] + hardware.torso_offset_m[k]),
+        kp_nm_rad: Some(hardware.kp_nm_rad.into()),
+        joint_friction_nm: Some(hardware.joint_friction_nm),
+        torque_limit_nm: Some(hardware.torque_limit_nm.into()),
+        hardware: None,
+        estimated: false,
+        ..ideal.clone()
     }
 }
 

@@ -424,7 +424,7 @@ impl Robot for MujocoRobot {
         if self.has_laws {
             self.drive();
         }
-        self.settle_actuators();
+        actuators::settle(&self.model, &mut self.data, &self.binding.axes, &self.held);
         self.data.forward();
         self.warnings = [0; WARNINGS];
         if let Some(error) = self.new_warning() {

@@ -15,7 +15,7 @@ use mujoco_rs::prelude::MjModel;
 use sha2::{Digest, Sha256};
 
 use crate::config::{Missing, ModelSource};
-use crate::engine::{compile, mujoco_version, sha256};
+use crate::engine::{bytes, compile, mujoco_version, sha256};
 use crate::error::MujocoError;
 
 /// First line of an entry: what it is, and in which format.
@@ -42,6 +42,17 @@ struct Inputs {
     candidates: Vec<PathBuf>,
     /// Whether there is more than XML.
     has_assets: bool,
+}
+
+/// A model as MuJoCo compiles it, meshes included and without overrides: as a file `*.mjb` it stands for the
+/// original wherever a model file is named, in this version of MuJoCo.
+///
+/// # Errors
+///
+/// [`MujocoError::Load`].
+pub fn compiled(source: &ModelSource, added: &[Missing]) -> Result<Vec<u8>, MujocoError> {
+    let model = load(source, added)?;
+    bytes(&model)
 }
 
 /// Loads a model as it is, compiled at most once as long as nothing that it is made of changes.

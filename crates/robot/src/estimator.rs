@@ -243,11 +243,6 @@ impl<M: Machine> EstimatedRobot<M> {
     pub const fn machine(&self) -> &M {
         &self.machine
     }
-
-    /// The machine inside, to change.
-    pub const fn machine_mut(&mut self) -> &mut M {
-        &mut self.machine
-    }
 }
 
 impl<M: Machine> Robot for EstimatedRobot<M> {

@@ -2,156 +2,13 @@
 
 use std::f64::consts::PI;
 
-use serde::{Deserialize, Serialize};
 use stridemap_robot::{RobotState, Side};
 
-use crate::lateral::{LateralConfig, LateralDetector};
-use crate::pendulum::{Pendulum, PendulumBase, pendulum};
-use crate::stance::{StanceConfig, StanceDetector};
-
-/// What can go wrong in a section's configuration.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SectionError {
-    /// A parameter lies outside its domain.
-    #[error("section.{name} = {value}: {requirement}")]
-    Parameter {
-        /// Key in the configuration.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// What it must satisfy.
-        requirement: &'static str,
-    },
-}
-
-/// What makes a section: a scalar that passes zero from below, once in each stance.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SectionEvent {
-    /// The roll rate of the pendulum, filtered \[MA09, sec. 3\]; with `lateral` the velocity of the sway.
-    #[default]
-    RollRate,
-    /// The share of the load on the foot that takes it over, less `stance.load_share`.
-    Touchdown,
-    /// The gait's phase as the stance leg sees it, less `clock_phase_deg`.
-    GaitClock,
-}
-
-impl SectionEvent {
-    /// Every one.
-    pub const ALL: [Self; 3] = [Self::RollRate, Self::Touchdown, Self::GaitClock];
-
-    /// The name in task files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::RollRate => "roll_rate",
-            Self::Touchdown => "touchdown",
-            Self::GaitClock => "gait_clock",
-        }
-    }
-
-    /// What it is, in a line.
-    #[must_use]
-    pub const fn about(self) -> &'static str {
-        match self {
-            Self::RollRate => {
-                "the mass comes nearest to the outer side: the pendulum's roll rate is zero (MA09, sec. 3)"
-            }
-            Self::Touchdown => "the load passes to the other foot",
-            Self::GaitClock => "the gait's phase passes section.clock_phase_deg",
-        }
-    }
-
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
-/// How the section is detected.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SectionConfig {
-    /// What makes a section.
-    #[serde(default, skip_serializing_if = "SectionEvent::is_default")]
-    pub event: SectionEvent,
-    /// The gait's phase at a section of its clock, as the stance leg sees it, deg.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub clock_phase_deg: f64,
-    /// The foot of the pendulum.
-    pub pendulum_base: PendulumBase,
-    /// When the stance passes from leg to leg.
-    pub stance: StanceConfig,
-    /// Time constant of the first-order filter on the roll rate.
-    pub roll_rate_filter_s: f64,
-    /// Least time between two sections; crossings that come sooner are passed over.
-    pub refractory_s: f64,
-    /// Finds the section as the turning point of the sway instead, for robots whose sensors are too
-    /// noisy for a roll rate; the roll rate's filter is then not used.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lateral: Option<LateralConfig>,
-}
-
-fn is_zero(value: &f64) -> bool {
-    value.to_bits() == 0
-}
-
-impl Default for SectionConfig {
-    fn default() -> Self {
-        Self {
-            event: SectionEvent::RollRate,
-            clock_phase_deg: 0.0,
-            pendulum_base: PendulumBase::StanceFoot,
-            stance: StanceConfig { load_share: 0.6 },
-            roll_rate_filter_s: 0.01,
-            refractory_s: 0.0,
-            lateral: None,
-        }
-    }
-}
-
-impl SectionConfig {
-    /// Checks every value.
-    ///
-    /// # Errors
-    ///
-    /// [`SectionError::Parameter`] that names the key at fault.
-    pub fn validate(&self) -> Result<(), SectionError> {
-        let share = self.stance.load_share;
-        if !(share > 0.5 && share < 1.0) {
-            return Err(SectionError::Parameter {
-                name: "stance.load_share",
-                value: share,
-                requirement: "must lie between 0.5 and 1",
-            });
-        }
-        if !(-180.0..=180.0).contains(&self.clock_phase_deg) {
-            return Err(SectionError::Parameter {
-                name: "clock_phase_deg",
-                value: self.clock_phase_deg,
-                requirement: "must lie in [-180, 180]",
-            });
-        }
-        for (name, value, most) in
-            [("roll_rate_filter_s", self.roll_rate_filter_s, 1.0), ("refractory_s", self.refractory_s, 10.0)]
-        {
-            if !(0.0..=most).contains(&value) {
-                return Err(SectionError::Parameter { name, value, requirement: "must be 0 or a short time" });
-            }
-        }
-        self.lateral.as_ref().map_or(Ok(()), LateralConfig::validate)
-    }
-}
-
-/// The robot at the section.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crossing {
-    /// When, on the robot's clock; between two control ticks.
-    pub time_s: f64,
-    /// The pendulum then; its filtered roll rate is zero.
-    pub pendulum: Pendulum,
-}
+use crate::config::{SectionConfig, SectionError};
+use crate::event::{Look, Scalar};
+use crate::lateral::LateralDetector;
+use crate::pendulum::{Crossing, Pendulum, pendulum};
+use crate::stance::StanceDetector;
 
 /// One look at the robot.
 #[derive(Clone, Copy, Debug)]
@@ -165,7 +22,7 @@ struct Sample {
 }
 
 /// Finds the sections of a walking robot: the first time in each stance at which a scalar, the filtered roll
-/// rate of the pendulum where the task names no other ([`SectionEvent`]), passes from negative to zero or positive.
+/// rate of the pendulum where the task names no other ([`crate::SectionEvent`]), passes from negative to zero or positive.
 ///
 /// For consecutive ticks `t₀ < t₁` of one stance with scalars `r₀ < 0 ≤ r₁` the crossing is at
 ///
@@ -243,22 +100,21 @@ impl SectionDetector {
         }
         let stance = self.stance.update(state)?;
         let pendulum = pendulum(state, stance, self.config.pendulum_base)?;
+        let event = self.config.event;
         let last_load = self.last.map_or(0.5, |last| last.right_load);
+        let clock_phase_rad = self.config.clock_phase_deg.to_radians();
+        let look = Look { pendulum: &pendulum, phase_rad: &phase_rad, clock_phase_rad };
         let mut now = Sample {
             time_s: state.time_s,
             pendulum,
-            scalar: match self.config.event {
-                SectionEvent::RollRate => pendulum.roll_rate_rad_s,
-                SectionEvent::Touchdown => 0.0,
-                SectionEvent::GaitClock => wrapped(phase_rad(stance)? - self.config.clock_phase_deg.to_radians()),
-            },
+            scalar: (event.scalar)(&look)?,
             right_load: state.right_load_fraction().unwrap_or(last_load),
         };
         let before = self.last.filter(|sample| sample.pendulum.stance == stance);
         let Some(before) = before else {
             self.crossed_in_this_stance = false;
             let other_foot = self.last.replace(now);
-            let touchdown = self.config.event == SectionEvent::Touchdown;
+            let touchdown = event.kind == Scalar::Stance;
             return other_foot.filter(|_| touchdown).and_then(|before| {
                 let share = |sample: &Sample| match stance {
                     Side::Right => sample.right_load,
@@ -272,13 +128,13 @@ impl SectionDetector {
 
         let dt_s = state.time_s - before.time_s;
         let r0 = before.scalar;
-        if self.config.event == SectionEvent::RollRate {
+        if event.kind == Scalar::Rate {
             let tau_s = self.config.roll_rate_filter_s;
-            now.scalar = r0 + (pendulum.roll_rate_rad_s - r0) * dt_s / (tau_s + dt_s);
+            now.scalar = r0 + (now.scalar - r0) * dt_s / (tau_s + dt_s);
         }
         self.last = Some(now);
         let r1 = now.scalar;
-        let jumped = self.config.event == SectionEvent::GaitClock && r1 - r0 > PI;
+        let jumped = event.kind == Scalar::Angle && r1 - r0 > PI;
         if self.crossed_in_this_stance || jumped || !(r0 < 0.0 && r1 >= 0.0) {
             return None;
         }
@@ -299,14 +155,10 @@ impl SectionDetector {
     }
 }
 
-/// An angle brought into [−π, π).
-fn wrapped(angle_rad: f64) -> f64 {
-    (angle_rad + PI).rem_euclid(2.0 * PI) - PI
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::SectionEvent;
 
     /// A unit-height mass that sways inside of the right foot: `y = 0.1 − 0.05 sin(t)` from the foot,
     /// so that the roll rate is zero and rising at `t = π/2`, where `y = 0.05`.
@@ -405,7 +257,7 @@ mod tests {
     /// the ticks are.
     #[test]
     fn touchdown_is_where_the_load_passes_its_threshold() {
-        let config = SectionConfig { event: SectionEvent::Touchdown, ..unfiltered() };
+        let config = SectionConfig { event: SectionEvent::TOUCHDOWN, ..unfiltered() };
         let loaded = |t: f64| {
             let mut state = swaying(t, Side::Right);
             let right = (10.0 * (t - 1.0)).clamp(0.0, 1.0);
@@ -422,7 +274,7 @@ mod tests {
     /// A clock of 1 rad/s passes 90 deg after π/2 s, and its jump from π to −π is no section.
     #[test]
     fn the_gait_clock_ticks_at_its_phase() {
-        let config = SectionConfig { event: SectionEvent::GaitClock, clock_phase_deg: 90.0, ..unfiltered() };
+        let config = SectionConfig { event: SectionEvent::GAIT_CLOCK, clock_phase_deg: 90.0, ..unfiltered() };
         let mut detector = SectionDetector::new(config).unwrap();
         let mut found = Vec::new();
         for t in ticks(0.01, 0.0, 2.0 * PI) {

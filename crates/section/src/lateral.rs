@@ -1,39 +1,10 @@
 //! A section for robots with noisy sensors: the turning point of the sway, while one foot clearly
 //! carries the load.
 
-use serde::{Deserialize, Serialize};
 use stridemap_robot::{RobotState, Side};
 
-use crate::detector::{Crossing, SectionConfig, SectionError};
-use crate::pendulum::{Pendulum, PendulumBase, pendulum};
-
-/// How the turning point of the sway is found.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LateralConfig {
-    /// Time constant of the first-order filter on the velocity of the centre of mass.
-    pub velocity_filter_s: f64,
-    /// Time constant of the first-order filter on the load ratio.
-    pub load_filter_s: f64,
-    /// Least `|F_right − F_left| / (F_right + F_left)`, filtered, at a section.
-    pub least_load_ratio: f64,
-}
-
-impl LateralConfig {
-    /// Checks every value.
-    pub(crate) fn validate(&self) -> Result<(), SectionError> {
-        for (name, value, most, requirement) in [
-            ("lateral.velocity_filter_s", self.velocity_filter_s, 1.0, "must be 0 or a short time"),
-            ("lateral.load_filter_s", self.load_filter_s, 1.0, "must be 0 or a short time"),
-            ("lateral.least_load_ratio", self.least_load_ratio, 0.99, "must lie between 0 and 0.99"),
-        ] {
-            if !(0.0..=most).contains(&value) {
-                return Err(SectionError::Parameter { name, value, requirement });
-            }
-        }
-        Ok(())
-    }
-}
+use crate::config::{LateralConfig, SectionConfig};
+use crate::pendulum::{Crossing, Pendulum, PendulumBase, pendulum};
 
 /// What the detector remembers of the last tick.
 #[derive(Clone, Copy, Debug)]

@@ -11,12 +11,15 @@
 //!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009,
 //!   doi:10.1007/s10514-009-9133-z.
 
+mod config;
 mod detector;
+mod event;
 mod lateral;
 mod pendulum;
 mod stance;
 
-pub use detector::{Crossing, SectionConfig, SectionDetector, SectionError, SectionEvent};
-pub use lateral::LateralConfig;
-pub use pendulum::{Pendulum, PendulumBase, pendulum};
+pub use config::{LateralConfig, SectionConfig, SectionError};
+pub use detector::SectionDetector;
+pub use event::{Look, Scalar, SectionEvent};
+pub use pendulum::{Crossing, Pendulum, PendulumBase, pendulum};
 pub use stance::{StanceConfig, StanceDetector};

@@ -100,6 +100,15 @@ pub fn pendulum(state: &RobotState, stance: Side, base: PendulumBase) -> Option<
     })
 }
 
+/// The robot at the section.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// When, on the robot's clock; between two control ticks.
+    pub time_s: f64,
+    /// The pendulum then; its filtered roll rate is zero.
+    pub pendulum: Pendulum,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

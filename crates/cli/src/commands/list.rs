@@ -27,7 +27,7 @@ pub fn list(kind: PartKind, json: bool) -> Result<(), Failure> {
         PartKind::Learners => listed(learners()),
         PartKind::Rewards => listed(rewards()),
         PartKind::States => listed(states()),
-        PartKind::Events => SectionEvent::ALL.map(|event| Listed { name: event.name(), about: event.about() }).into(),
+        PartKind::Events => SectionEvent::ALL.map(|event| Listed { name: event.name, about: event.about }).into(),
         PartKind::Robots => RobotChoice::ALL.map(|robot| Listed { name: robot.name(), about: robot.about() }).into(),
     };
     if json {

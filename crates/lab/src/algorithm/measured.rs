@@ -5,9 +5,9 @@ use stridemap_record::{Pace, Performance, Phase, StridePhase, StrideRole, Transi
 
 use super::{Algorithm, Recorder};
 use crate::error::LabError;
+use crate::plant::Batch;
 use crate::poses::Filming;
 use crate::seed::{Role, stream};
-use crate::strides::Batch;
 use crate::walk::Walker;
 
 /// Robot time from a fresh start up to which a time lapse is recorded.

@@ -3,13 +3,13 @@
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_learn::{SavedPolicy, TrialSummary};
-use stridemap_process::{ActionLimits, StrideEnd};
+use stridemap_process::StrideEnd;
 
 use super::{Known, LearnerPart, invalid};
 use crate::error::LabError;
 use crate::registry::part;
 use crate::state::StateComponent;
-use crate::strides::ActionSource;
+use crate::strides::{ActionSource, IntegralAction};
 use crate::task::Task;
 use stridemap_record::{InPlace, StridePhase, Transition};
 
@@ -25,43 +25,6 @@ pub struct IntegralConfig {
     pub gain_per_deg: f64,
     /// The target, this far below the mean of the robot's own stepping in place, deg.
     pub below_in_place_deg: f64,
-}
-
-/// The law while it runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IntegralAction {
-    /// Component of the state that is `ψ_roll`.
-    pub component: usize,
-    /// The wanted `ψ_roll`, deg.
-    pub target_deg: f64,
-    /// Change of the action per stride and degree.
-    pub gain_per_deg: f64,
-    /// Bounds of the action, and where it starts.
-    pub limits: ActionLimits,
-}
-
-impl IntegralAction {
-    /// The action after one more section; `last` is the one before, `None` at the beginning.
-    ///
-    /// # Example
-    ///
-    /// ```
-    /// use stridemap_lab::IntegralAction;
-    /// use stridemap_process::ActionLimits;
-    ///
-    /// let limits =
-    ///     ActionLimits { lower: 0.0, upper: 6.0, rate_per_stride: 2.0, gain: 1.0, neutral: 0.0 };
-    /// let law = IntegralAction { component: 0, target_deg: 4.0, gain_per_deg: 0.5, limits };
-    /// assert_eq!(law.next(None, &[5.0]), 0.5); // one degree too high
-    /// assert_eq!(law.next(Some(0.5), &[3.0]), 0.0); // one too low
-    /// assert_eq!(law.next(Some(0.0), &[3.0]), 0.0); // at its bound
-    /// ```
-    #[must_use]
-    pub fn next(&self, last: Option<f64>, state: &[f64]) -> f64 {
-        let from = last.unwrap_or(self.limits.neutral);
-        let moved = from + self.gain_per_deg * (state[self.component] - self.target_deg);
-        moved.clamp(self.limits.lower, self.limits.upper)
-    }
 }
 
 /// Component of the state that is `ψ_roll`.

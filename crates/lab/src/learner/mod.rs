@@ -16,19 +16,21 @@ use stridemap_learn::{ConstantPolicy, Learner, SavedPolicy, TrialSummary};
 use stridemap_map::LearnedMap;
 use stridemap_process::{ActionLimits, ProcessSpec, StrideEnd, StrideProcess};
 
-pub use integral::{IntegralAction, IntegralConfig};
+pub use integral::IntegralConfig;
 pub use search::SearchSettings;
 
-use crate::algorithm::Progress;
 use crate::caution::CautionConfig;
 use crate::error::{Invalid, LabError};
 use crate::pessimism::CautiousMap;
+use crate::recorder::Progress;
 use crate::registry::{Part, Registry, named};
 use crate::state::StateComponent;
 use crate::strides::ActionSource;
-use crate::suffices::FEWEST;
 use crate::task::Task;
 use stridemap_record::{InPlace, Proof, Region, StridePhase, StrideRole, Transition, Verdict};
+
+/// With fewer strides than this a Gaussian process has nothing to say.
+pub(crate) const FEWEST: usize = 3;
 
 /// A learner, as Algorithm 1 uses it. A learner of one's own in the map is a [`stridemap_learn::Learner`] and
 /// this trait's [`propose`](Self::propose), which hands it to [`Known::in_map`].

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use stridemap_process::{ActionLimits, StrideEnd};
-use stridemap_record::Fall;
+use stridemap_record::{Fall, StridePhase, StrideRole};
 use stridemap_robot::{Robot, RobotState};
 use stridemap_section::{Crossing, SectionConfig};
 
@@ -37,6 +37,19 @@ pub struct PlantTask {
     pub section: SectionConfig,
     /// Sections passed with the nominal gait after its start-up, before an episode begins.
     pub warm_up_strides: usize,
+}
+
+/// Where the strides of a batch belong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Batch {
+    /// Iteration of Algorithm 1, from 1.
+    pub iteration: usize,
+    /// In which phase they are made.
+    pub phase: StridePhase,
+    /// What they are for.
+    pub role: StrideRole,
+    /// How many.
+    pub strides: usize,
 }
 
 /// Strides made on the robot since the plant was built.

@@ -16,8 +16,8 @@ use stridemap_record::{
     grid,
 };
 
-use crate::algorithm::{Progress, Recorder};
 use crate::error::LabError;
+use crate::recorder::{Progress, Recorder};
 use crate::run::beginning::{build, logs, refuse_occupied};
 use crate::run::finished::{FinishedRun, read_progress, read_unfinished};
 use crate::task::Task;

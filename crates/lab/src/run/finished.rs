@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use stridemap_learn::SavedPolicy;
 use stridemap_mujoco::{ModelSource, sha256};
 
-use crate::algorithm::Progress;
 use crate::error::LabError;
 use crate::provenance::provenance_of;
+use crate::recorder::Progress;
 use crate::task::Task;
 use stridemap_record::{
     Checkpoint, Columns, Provenance, RecordError, Rows, Transition,

@@ -2,7 +2,7 @@
 
 use stridemap_record::{FORMAT, IterationSummary, Measured, SecondsSummary, StrideCounts, StrideRole, Summary};
 
-use crate::algorithm::Progress;
+use crate::recorder::Progress;
 use crate::task::Task;
 
 impl Progress {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use stridemap_config::Components;
 
 use crate::error::{LabError, unless};
-use crate::strides::Exploration;
+use crate::strides::{Exploration, ExploreRange};
 use crate::task::Task;
 
 /// How the entries of `[[action]]` inherit, and where earlier versions had a list with a value per component.
@@ -57,16 +57,6 @@ pub struct ActionConfig {
     pub back_off: f64,
     /// How the first batch explores it.
     pub explore: ExploreRange,
-}
-
-/// How the first batch explores a component: every `collect.explore.hold` strides a centre is drawn, uniform in `center`; the
-/// value is the centre plus normal noise of standard deviation `std`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ExploreRange {
-    /// Range of the centre.
-    pub center: [f64; 2],
-    /// Standard deviation about the centre; left out: 0.15 units.
-    pub std: f64,
 }
 
 /// What a file says of a component.

@@ -5,32 +5,33 @@ mod check;
 mod parts;
 mod scale;
 
+pub use action::ActionConfig;
 pub(crate) use action::COMPONENTS;
-pub use action::{ActionConfig, ExploreRange};
-pub use parts::{AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig};
+pub use parts::{AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, SuccessConfig};
 
 pub use scale::ScaleConfig;
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
-use stridemap_gait::{Gait, GaitConfig};
+use stridemap_config::Document;
+use stridemap_gait::GaitConfig;
 use stridemap_learn::{ConstantPolicy, SavedPolicy};
 use stridemap_map::MapConfig;
 use stridemap_mujoco::MujocoConfig;
 use stridemap_process::{ActionDimension, ActionLimits, ProcessSpec, StateDimension};
 use stridemap_record::{RobotFall, StridePhase};
-use stridemap_robot::{Robot, RobotDescription, Ros2Config};
+use stridemap_robot::{Robot, Ros2Config};
 use stridemap_section::SectionConfig;
 
 use crate::caution::CautionConfig;
 use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
-use crate::gaits::gaits;
 use crate::goal::GoalConfig;
 use crate::learner::{ControlsConfig, SearchSettings};
 use crate::plant::{Plant, PlantAction, PlantTask};
 use crate::reward::RewardTerm;
 use crate::state::StateComponent;
-use crate::success::SuccessConfig;
 
 /// Where a task says the value that a modulation has in the nominal gait; `None` for one that is zero there.
 fn gait_key(modulation: &str) -> Option<&'static str> {
@@ -97,7 +98,17 @@ pub struct Task {
     pub told: Vec<String>,
     /// Where it was written.
     #[serde(skip)]
-    pub written: crate::builtin::Written,
+    pub written: Written,
+}
+
+/// Where a task was written, for faults that are found once its robot is built; no part of its value.
+#[derive(Clone, Debug, Default)]
+pub struct Written(pub(crate) Option<Arc<Document>>);
+
+impl PartialEq for Written {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl Task {
@@ -133,30 +144,6 @@ impl Task {
                 requirement: "is needed by the searches on the robot".into(),
             })
         })
-    }
-
-    /// Builds the nominal gait for a robot.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::Gait`] for a configuration outside its domain, or a robot that lacks a joint which the gait
-    /// moves; [`LabError::Invalid`] for a kind that is not in the registry.
-    pub fn gait(&self, robot: &RobotDescription) -> Result<Box<dyn Gait>, LabError> {
-        (gaits().find(&self.gait.kind))
-            .ok_or_else(|| {
-                let names: Vec<&str> = gaits().all().iter().map(|g| g.name).collect();
-                let near = stridemap_config::nearest(&self.gait.kind, &names);
-                let hint = near.map_or_else(String::new, |n| format!(" did you mean \"{n}\"?"));
-                LabError::Invalid(Invalid {
-                    key: "gait.kind".into(),
-                    requirement: format!(
-                        "there is no gait {:?};{hint} (allowed: {})",
-                        self.gait.kind,
-                        names.join(", ")
-                    ),
-                })
-            })
-            .and_then(|part| (part.build)(self, robot))
     }
 
     /// The components of the action, resolved against the gait's modulations.

@@ -129,3 +129,24 @@ impl RecordConfig {
         self.walk().map(|w| WalkTimes { walk_s: w.speed_s, ..w })
     }
 }
+
+/// When a run counts as a success, in the summary over seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SuccessConfig {
+    /// Least mean reward of the final policy; left out: any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_reward_at_least: Option<f64>,
+    /// Largest deviation of the final policy's mean `ψ_roll` from the target of the reward; left out:
+    /// any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi_roll_within_deg: Option<f64>,
+    /// Least speed on the ground of the final policy, upright to the end; left out where it is not
+    /// measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_m_s_at_least: Option<f64>,
+    /// Most falls on the robot while learning.
+    pub falls_at_most: usize,
+    /// Most training and evaluation strides.
+    pub strides_at_most: usize,
+}

@@ -177,30 +177,6 @@ impl ActorCriticConfig {
         }
     }
 
-    /// Recipe S, for stepping on the small humanoid: state and action in degrees.
-    #[must_use]
-    pub fn stepping_small() -> Self {
-        Self {
-            basis_widths: vec![3.0],
-            outputs: vec![Output { unit: 1.0, mean_weight_limit: Some(8.0) }],
-            actor_step: 0.1,
-            trials: 400,
-            ..Self::stepping()
-        }
-    }
-
-    /// Recipe W, for walking by one amplitude: state (deg, deg, deg/s), action in degrees. The first
-    /// improvement; later ones make 40 trials and start warm.
-    #[must_use]
-    pub fn walking() -> Self {
-        Self {
-            scale_gradient_by_variance: true,
-            trials: 120,
-            strides_per_trial: 25,
-            ..Self::paper(&[1.0, 1.0, 4.0], &[4.0])
-        }
-    }
-
     /// Checks every field against its domain.
     ///
     /// # Errors
@@ -287,8 +263,6 @@ mod tests {
         for config in [
             ActorCriticConfig::paper(&[0.5], &[1.0]),
             ActorCriticConfig::stepping(),
-            ActorCriticConfig::stepping_small(),
-            ActorCriticConfig::walking(),
         ] {
             config.validate().unwrap();
             let text = serde_json::to_string(&config).unwrap();
