@@ -120,6 +120,19 @@ pub struct Network {
     pub interface: String,
 }
 
+/// What to do with a sweep.
+#[derive(Debug, Subcommand)]
+pub enum SweepWhat {
+    /// Puts the results of all shards together: table, intervals, figures.
+    Merge {
+        /// The directory of the results.
+        dir: PathBuf,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -303,6 +316,30 @@ pub enum Command {
         /// Options shared by most commands.
         #[command(flatten)]
         common: Common,
+    },
+    /// Makes the runs of a study (a task, seeds, and a grid or a random design of settings), or a shard of them.
+    #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+    #[command(
+        after_help = "Shards of one study share a directory, and may be killed and begun again. Scripts for HyperQueue, \
+        Slurm, GNU parallel and xargs are in examples/sweep.\nExample:\n  stridemap sweep study.toml --shard 1/2 --out \
+        runs/study &\n  stridemap sweep study.toml --shard 2/2 --out runs/study; wait\n  stridemap sweep merge runs/study"
+    )]
+    Sweep {
+        /// Puts the results together instead.
+        #[command(subcommand)]
+        what: Option<SweepWhat>,
+        /// The study.
+        #[arg(required = true)]
+        study: Option<PathBuf>,
+        /// Which part of the runs, i/n; i counts from 0 or from 1.
+        #[arg(long, default_value = "1/1")]
+        shard: stridemap_lab::sweep::Shard,
+        /// Directory of the results. Default: runs/sweep-STUDY, after the file's name.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
     },
     /// Draws the figures of a run, or of several side by side.
     Report {

@@ -108,6 +108,13 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Reproduce { figures, out, seeds, common } => {
             commands::reproduce::reproduce(&figures, out.as_deref(), seeds, &common)
         }
+        Command::Sweep { what: Some(args::SweepWhat::Merge { dir, json }), .. } => commands::sweep::merge(&dir, json),
+        Command::Sweep { study, shard, out, json, .. } => {
+            let study = study.unwrap_or_default();
+            let named = || format!("sweep-{}", study.file_stem().unwrap_or_default().to_string_lossy());
+            let out = out.unwrap_or_else(|| std::path::Path::new("runs").join(named()));
+            commands::sweep::sweep(&study, shard, &out, json)
+        }
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
         Command::Check { task, common } => commands::task::check(&task, &common),

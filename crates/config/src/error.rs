@@ -48,6 +48,25 @@ pub struct ConfigError {
 }
 
 impl ConfigError {
+    /// The text at fault, as messages call it: a file, `built-in task NAME`, `--set KEY=VALUE`; `None` where there is
+    /// none (a task that is not found).
+    #[must_use]
+    pub fn file(&self) -> Option<&str> {
+        self.place.as_ref().map(|place| place.source.name.as_str())
+    }
+
+    /// The line at fault, from 1, in a text of more than one.
+    #[must_use]
+    pub fn line(&self) -> Option<usize> {
+        self.place.as_ref()?.line
+    }
+
+    /// The dotted key at fault; empty if it is none in particular.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        &self.key
+    }
+
     pub(crate) fn new(place: Option<&Place>, key: &str, problem: impl Into<String>) -> Self {
         Self { place: place.cloned(), key: key.to_owned(), value: None, problem: problem.into(), hint: String::new() }
     }

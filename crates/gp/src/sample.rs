@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::dense::small_forward;
 use crate::error::{GpError, Result, check_len};
 use crate::gp::{Gp, dot};
+use crate::hyper::Hyperparameters;
 use crate::points::Points;
 
 /// What a draw contains.
@@ -119,13 +120,30 @@ impl Gp {
         rng: &mut R,
         out: &mut [f64],
     ) -> Result<()> {
-        let count = points.len();
+        self.predict_joint(points)?.draw(&self.hyperparameters, draw, rng, out)
+    }
+}
+
+impl JointPrediction {
+    /// Draws from the distribution of a model with these hyperparameters, as [`Gp::sample_joint`] does.
+    ///
+    /// # Errors
+    ///
+    /// [`GpError::Shape`] if `out` is not of length `Q`; [`GpError::Variance`] for a variance that is NaN.
+    pub fn draw<R: Rng + ?Sized>(
+        self,
+        hyperparameters: &Hyperparameters,
+        draw: Draw,
+        rng: &mut R,
+        out: &mut [f64],
+    ) -> Result<()> {
+        let count = self.mean.len();
         check_len("length of out", count, out.len())?;
-        let JointPrediction { mean, mut covariance } = self.predict_joint(points)?;
+        let Self { mean, mut covariance } = self;
         let normals: Vec<f64> = (0..count).map(|_| StandardNormal.sample(rng)).collect();
         out.copy_from_slice(&mean);
         let mut diagonal: Vec<f64> = (0..count).map(|i| covariance[i * count + i]).collect();
-        let least = PIVOT_ROUND_OFF * self.hyperparameters.signal_variance;
+        let least = PIVOT_ROUND_OFF * hyperparameters.signal_variance;
         let mut used = vec![false; count];
         for normal in &normals {
             let largest = (0..count).filter(|&i| !used[i]).max_by(|&a, &b| diagonal[a].total_cmp(&diagonal[b]));
@@ -153,7 +171,7 @@ impl Gp {
             }
         }
         if draw == Draw::Observation {
-            let noise_std = self.hyperparameters.noise_variance.sqrt();
+            let noise_std = hyperparameters.noise_variance.sqrt();
             for value in out {
                 let normal: f64 = StandardNormal.sample(rng);
                 *value += noise_std * normal;

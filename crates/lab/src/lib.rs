@@ -57,10 +57,12 @@ mod stepping;
 mod strides;
 mod success;
 mod suffices;
+pub mod sweep;
 mod task;
 mod trust;
 mod truth;
 mod tune;
+pub mod verbs;
 mod walk;
 
 pub use algorithm::{Algorithm, fit_map};

@@ -10,9 +10,9 @@ use crate::state::{AtSection, StateComponent};
 #[derive(Clone, Copy)]
 pub enum RewardOf {
     /// One component of the state at the section, and the target: the map of the state tells it.
-    State(StateComponent, fn(f64, f64) -> f64),
+    State(StateComponent, &'static (dyn Fn(f64, f64) -> f64 + Sync)),
     /// The whole stride, so that the reward needs a map of its own \[MA09, sec. 7.2\].
-    Stride(fn(&AtSection<'_>) -> f64),
+    Stride(&'static (dyn Fn(&AtSection<'_>) -> f64 + Sync)),
 }
 
 /// What a reward term looks at.
@@ -57,70 +57,70 @@ impl RewardQuantity {
         "psi_roll_squared_error",
         "−(ψ_roll − target_deg)², deg² (MA09, eqs. 27, 30)",
         true,
-        RewardOf::State(StateComponent::PSI_ROLL_DEG, |psi, target| -(psi - target).powi(2))
+        RewardOf::State(StateComponent::PSI_ROLL_DEG, &|psi, target| -(psi - target).powi(2))
     );
     quantity!(
         PSI_PITCH_RATE_DEG_S,
         "psi_pitch_rate_deg_s",
         "rate of ψ_pitch at the section, deg/s (MA09, eq. 28)",
         false,
-        RewardOf::State(StateComponent::PSI_PITCH_RATE_DEG_S, |rate, _| rate)
+        RewardOf::State(StateComponent::PSI_PITCH_RATE_DEG_S, &|rate, _| rate)
     );
     quantity!(
         MEAN_PSI_PITCH_RATE_DEG_S,
         "mean_psi_pitch_rate_deg_s",
         "mean rate of ψ_pitch over the stride, deg/s (MA09, eq. 31)",
         false,
-        RewardOf::Stride(|at| at.measures.mean_psi_pitch_rate_deg_s)
+        RewardOf::Stride(&|at| at.measures.mean_psi_pitch_rate_deg_s)
     );
     quantity!(
         SPEED_M_S,
         "speed_m_s",
         "speed over the stride along the heading with which it began, m/s",
         false,
-        RewardOf::Stride(|at| at.measures.speed_m_s())
+        RewardOf::Stride(&|at| at.measures.speed_m_s())
     );
     quantity!(
         ENERGY_J,
         "energy_j",
         "Σ ∫ |τ ω| dt over the stride, J; give it a negative weight",
         false,
-        RewardOf::Stride(|at| at.measures.energy_j)
+        RewardOf::Stride(&|at| at.measures.energy_j)
     );
     quantity!(
         COST_OF_TRANSPORT,
         "cost_of_transport",
         "energy over weight and distance, dimensionless; give it a negative weight",
         false,
-        RewardOf::Stride(|at| at.measures.cost_of_transport)
+        RewardOf::Stride(&|at| at.measures.cost_of_transport)
     );
     quantity!(
         PEAK_FOOT_LOAD_N,
         "peak_foot_load_n",
         "largest vertical force on one foot, N; give it a negative weight",
         false,
-        RewardOf::Stride(|at| at.measures.peak_foot_load_n)
+        RewardOf::Stride(&|at| at.measures.peak_foot_load_n)
     );
     quantity!(
         POSTURE_DEVIATION_DEG,
         "posture_deviation_deg",
         "root-mean-square deviation from the rest posture, deg; give it a negative weight",
         false,
-        RewardOf::Stride(|at| at.measures.posture_deviation_deg)
+        RewardOf::Stride(&|at| at.measures.posture_deviation_deg)
     );
     quantity!(
         TURN_DEG,
         "turn_deg",
         "|change of heading| over the stride, deg; give it a negative weight",
         false,
-        RewardOf::Stride(|at| at.measures.turn_deg.abs())
+        RewardOf::Stride(&|at| at.measures.turn_deg.abs())
     );
     quantity!(
         GOAL_SQUARED_ERROR,
         "goal_squared_error",
         "−Σ ((measure − goal) / unit)² over the components of the goal",
         false,
-        RewardOf::Stride(|at| {
+        RewardOf::Stride(&|at| {
             let errors = at.goals.iter().zip(at.goal).map(|(of, goal)| of.error(at.measures, *goal));
             -errors.map(|e| e * e).sum::<f64>()
         })
@@ -130,7 +130,7 @@ impl RewardQuantity {
         "power_w",
         "Σ |τ ω| of the joints, mean over the stride, W; give it a negative weight",
         false,
-        RewardOf::Stride(|at| (Measure::POWER_W.of)(at.measures))
+        RewardOf::Stride(&|at| (Measure::POWER_W.of)(at.measures))
     );
 }
 

@@ -14,8 +14,9 @@ use stridemap_process::{
 };
 
 use crate::error::MapError;
-use crate::map_config::{MapConfig, MapStart};
+use crate::map_config::{MapConfig, MapDraw, MapStart};
 use crate::saved_map::{FORMAT, SavedMap, SavedOutput};
+use crate::stability::{Linearization, linearize};
 
 /// One stride of the robot, as the map needs it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -274,6 +275,81 @@ impl LearnedMap {
             covariances.push(&quotient * covariance * quotient.transpose());
         }
         Ok((slopes, covariances))
+    }
+
+    /// The same map, of which strides draw something else.
+    #[must_use]
+    pub fn drawing(mut self, draw: MapDraw) -> Self {
+        self.config.draw = draw;
+        self
+    }
+
+    /// The same map, in which another next state is a fall.
+    #[must_use]
+    pub fn failing(mut self, failure: MapFailure) -> Self {
+        self.world.failure = failure;
+        self
+    }
+
+    /// Starts an episode in a situation of the caller's choice: x(0), u(−1) and a goal.
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError::Length`] if it has other components than the process; [`ProcessError::Parameter`] for one that is
+    /// not finite.
+    pub fn start_at(&mut self, at: Situation) -> Result<(), ProcessError> {
+        let spec = &self.world.spec;
+        for (what, found, expected) in
+            [("state", at.state.len(), spec.state.len()), ("last action", at.last_action.len(), spec.action.len())]
+        {
+            if found != expected {
+                return Err(ProcessError::Length { what, expected, found });
+            }
+        }
+        if let Some(&value) = at.state.iter().chain(&at.last_action).find(|v| !v.is_finite()) {
+            return Err(ProcessError::Parameter { name: "start", value, requirement: "must be finite" });
+        }
+        self.law.reset_to(at.last_action.clone());
+        self.at = at;
+        self.is_ready = true;
+        Ok(())
+    }
+
+    /// Draws the next state from the predictive distribution, as a stride does; the action is taken as it is, and
+    /// nothing is a fall.
+    ///
+    /// # Errors
+    ///
+    /// [`MapError::Gp`] for inputs that are not finite.
+    pub fn sample(&self, at: &Situation, action: &[f64], rng: &mut ChaCha8Rng) -> Result<State, MapError> {
+        let mut row = Vec::new();
+        self.config.input_row(at, action, &mut row);
+        let drawn = self.outputs.iter().zip(&self.config.state_range).enumerate();
+        let drawn = drawn.map(|(i, (gp, [low, high]))| {
+            let drawn = self.config.draw(&**gp, gp.predict(&row)?, rng);
+            Ok(self.config.next(i, &at.state, drawn).clamp(*low, *high))
+        });
+        drawn.collect()
+    }
+
+    /// Derivatives of the mean by state and action, by central differences of a thousandth of the shortest length
+    /// scale; the action is taken as it is.
+    ///
+    /// # Errors
+    ///
+    /// As [`linearize`].
+    pub fn linearized(&self, at: &Situation, action: &[f64]) -> Result<Linearization, MapError> {
+        struct Unclipped<'a>(&'a LearnedMap);
+        impl MeanMap for Unclipped<'_> {
+            fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError> {
+                Ok(self.0.predict(at, action)?.means)
+            }
+        }
+        const SHARE: f64 = 1e-3;
+        let scales = self.outputs.iter().flat_map(|gp| &gp.hyperparameters().length_scales);
+        let step = SHARE * scales.copied().fold(f64::INFINITY, f64::min);
+        let steps = vec![step; at.state.len().max(action.len())];
+        linearize(&Unclipped(self), at, action, &steps[..at.state.len()], &steps[..action.len()])
     }
 
     /// What is kept of the map in a file.

@@ -69,7 +69,7 @@ static INSIDE: RewardPart = RewardPart {
     name: "inside_by_2_deg",
     about: "-|psi_roll - 2 deg|",
     has_target: false,
-    of: RewardOf::State(StateComponent::PSI_ROLL_DEG, |psi, _| -(psi - 2.0).abs()),
+    of: RewardOf::State(StateComponent::PSI_ROLL_DEG, &|psi, _| -(psi - 2.0).abs()),
 };
 
 /// Tries constant actions in the process and keeps the best.

@@ -8,13 +8,13 @@ use stridemap_lab::builtin::LoadedTask;
 use stridemap_lab::run::FinishedRun;
 use stridemap_lab::seed::{Role, stream};
 use stridemap_lab::{
-    ActionSource, Batch, LabError, Plant, PoseRecorder, PushConfig, Task, Walker, analyse as analyse_run, builtin,
-    drive, make_strides, push as push_plant,
+    ActionSource, Batch, LabError, Plant, PoseRecorder, PushConfig, Task, analyse as analyse_run, builtin,
+    make_strides, push as push_plant, verbs,
 };
 use stridemap_learn::SavedPolicy;
 use stridemap_process::{StrideEnd, StrideProcess};
 use stridemap_record::{
-    Columns, Fall, FallCriterion, Measured, Performance, Recording, StridePhase, StrideRole, Transition, Walk,
+    Columns, Fall, FallCriterion, Measured, Performance, Recording, StridePhase, StrideRole, Transition,
     files::{self, lock},
 };
 
@@ -24,9 +24,6 @@ use super::{on_robot, say_differences};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
-
-/// Strides left out of means: the start-up transient.
-const DISCARD: usize = 10;
 
 /// Falls, and the strides in which they were counted.
 type FallsIn = (usize, usize);
@@ -81,20 +78,7 @@ pub fn evaluate(path: &Path, strides: usize, nominal: bool, common: &Common) -> 
     let doing = Purpose::apply(format!("make {strides} strides to measure a policy"), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
-    let batch =
-        Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: strides + DISCARD };
-    let mut rng = stream(common.seed, Role::Run, 0);
-    let performance = if let Some(times) = task.record.walk() {
-        // Time ends the walk, whatever --strides says.
-        let batch = Batch { strides: usize::MAX, ..batch };
-        let mut walker = Walker::new(&policy, times.walk_s);
-        let transitions = drive(&mut plant, &mut walker, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
-        Performance { walk: Some(Walk::of(&transitions, times)), ..Performance::of(&transitions, DISCARD) }
-    } else {
-        let transitions =
-            make_strides(&mut plant, &ActionSource::Mean(&policy), batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
-        Performance::of(&transitions, DISCARD)
-    };
+    let performance = verbs::evaluate(&task, &mut plant, &policy, strides, common.seed)?;
     let shown = Evaluated {
         measured: Measured::from(performance),
         policy: if nominal { "nominal" } else { "learned" },

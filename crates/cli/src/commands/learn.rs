@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, NoWatcher, RunDirectory, Watcher, has_begun, refuse_occupied};
-use stridemap_lab::{Algorithm, LabError, LearnerKind, Progress, Task, builtin, nominal_gait, task_differences};
+use stridemap_lab::verbs::{finish, refuse_misfit, run_path};
+use stridemap_lab::{LabError, LearnerKind, Progress, Task, builtin, task_differences};
 use stridemap_record::{
     IterationSummary, Performance, Summary,
     files::{self, lock},
@@ -15,7 +16,7 @@ use stridemap_report::figures::quartiles;
 
 use super::beside::Purpose;
 use super::linked::algorithm;
-use super::{in_network, on_robot, provenance, run_path, say_edited, tell};
+use super::{in_network, on_robot, provenance, say_edited, tell};
 use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
@@ -72,24 +73,7 @@ pub fn start(
     let record = provenance("learn", name, loaded, common)?;
     let mut directory = RunDirectory::create(path, &loaded.task, &record, Arc::clone(stop), watcher)?;
     let mut algorithm = algorithm(&loaded.task, common.seed, Progress::default(), common, &Purpose::Learn, Some(path))?;
-    finish(&mut algorithm, &mut directory)
-}
-
-/// Runs what is missing and writes the summary, also when something goes wrong on the way.
-fn finish(algorithm: &mut Algorithm<'_>, directory: &mut RunDirectory) -> Result<Summary, Failure> {
-    let result = algorithm.learn(directory);
-    let summary = directory.write_summary(&algorithm.progress);
-    match result {
-        Ok(()) => {
-            directory.end()?;
-            Ok(summary?)
-        }
-        Err(error) => {
-            // The first error is the one to tell; what was gathered is in the directory.
-            let _ = directory.event("stopped", serde_json::json!({ "reason": error.to_string() }));
-            Err(error.into())
-        }
-    }
+    Ok(finish(&mut algorithm, &mut directory)?)
 }
 
 /// Goes on with a run.
@@ -146,16 +130,6 @@ fn with_budget(path: &Path, sets: &[String]) -> Result<FinishedRun, Failure> {
     Ok(run)
 }
 
-/// Refuses a task whose thresholds or prices do not fit its robot, before anything is written. A robot behind
-/// a link is asked by the nominal measurement of its run.
-pub fn refuse_misfit(task: &Task, seed: u64) -> Result<(), Failure> {
-    if task.link.is_none() {
-        let gait = nominal_gait(task, seed)?;
-        gait.refuse(&task.failure).map_err(|error| task.located(error))?;
-    }
-    Ok(())
-}
-
 /// Runs what is missing of a run.
 pub fn go_on(
     run: &FinishedRun,
@@ -170,7 +144,7 @@ pub fn go_on(
     }
     let mut algorithm = algorithm(&run.task, run.provenance.seed, progress, common, &Purpose::Learn, Some(&run.path))?;
     directory.goes_on()?;
-    finish(&mut algorithm, &mut directory)
+    Ok(finish(&mut algorithm, &mut directory)?)
 }
 
 /// A run that holds strides, if it is one of this task and seed by this program and model.

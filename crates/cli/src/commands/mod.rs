@@ -16,26 +16,23 @@ pub mod report;
 pub mod reproduce;
 pub mod robot;
 pub mod robots;
+pub mod sweep;
 pub mod task;
 pub mod verbs;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use stridemap_lab::builtin::{self, LoadedTask};
 use stridemap_lab::run::FinishedRun;
-use stridemap_lab::{RobotChoice, Task, provenance_of, task_differences};
+use stridemap_lab::verbs::Request;
+use stridemap_lab::{RobotChoice, Task, task_differences};
 
 use clap::ValueEnum;
 
 use crate::args::{Common, RobotName};
 use crate::failure::Failure;
 use crate::output;
-use stridemap_record::{Asked, Provenance};
-
-/// The directory of a run: as asked for, or `runs/TASK-SEED`.
-fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
-    out.map_or_else(|| PathBuf::from("runs").join(format!("{}-{seed}", task.name)), Path::to_path_buf)
-}
+use stridemap_record::Provenance;
 
 /// A task on the robot, and in the network, that the command line names.
 pub fn on_robot(loaded: LoadedTask, common: &Common) -> Result<LoadedTask, Failure> {
@@ -82,28 +79,10 @@ fn say_differences(path: &Path) {
     }
 }
 
-/// The command line that repeats a run, for its record: without the place where it was put.
-fn command_line(verb: &str, task: &str, common: &Common) -> String {
-    let mut words = vec!["stridemap".to_owned(), verb.into(), task.into()];
-    words.push(format!("--seed {}", common.seed));
-    if let Some(robot) = common.robot {
-        words.push(format!("--robot {}", stridemap_lab::RobotChoice::from(robot).name()));
-    }
-    words.extend(common.sets.iter().map(|set| format!("--set {set}")));
-    words.join(" ")
-}
-
 fn provenance(verb: &str, name: &str, loaded: &LoadedTask, common: &Common) -> Result<Provenance, Failure> {
-    let command = command_line(verb, name, common);
-    let (task, seed) = (&loaded.task, common.seed);
-    Ok(Provenance {
-        asked: loaded.file.clone().map(|file| Asked {
-            file,
-            sets: common.sets.clone(),
-            robot: common.robot.map(|robot| RobotChoice::from(robot).name().into()),
-        }),
-        ..provenance_of(task, seed, crate::GIT_REVISION, command)?
-    })
+    let robot = common.robot.map(RobotChoice::from);
+    let (sets, seed, revision) = (common.sets.as_slice(), common.seed, crate::GIT_REVISION);
+    Ok(Request { name, sets, robot, seed, revision }.provenance(verb, loaded)?)
 }
 
 /// Says in which keys the task file of a run was edited since the run began. The run goes on with its own task.

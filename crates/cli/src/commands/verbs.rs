@@ -6,16 +6,17 @@ use std::time::Instant;
 
 use serde::Serialize;
 use stridemap_lab::run::{FinishedRun, RunDirectory};
+use stridemap_lab::verbs::{self, refuse_batch, refuse_misfit, run_path};
 use stridemap_lab::{Algorithm, Progress, Task, builtin, fit_map};
 use stridemap_map::{LearnedMap, SavedMap};
 use stridemap_process::StrideEnd;
 use stridemap_record::{
-    Columns, InPlace, Performance, Phase, Rows, Transition,
+    Columns, InPlace, Performance, Rows, Transition,
     files::{self, lock},
 };
 
 use super::beside::Purpose;
-use super::{in_network, linked, on_robot, provenance, run_path, say_differences};
+use super::{in_network, linked, on_robot, provenance, say_differences};
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
@@ -35,7 +36,7 @@ pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Resul
     let name = text(task_or_run)?;
     let loaded = on_robot(builtin::load(name, &common.sets)?, common)?;
     let task = &loaded.task;
-    super::learn::refuse_misfit(task, common.seed)?;
+    refuse_misfit(task, common.seed)?;
     let path = run_path(out, task, common.seed);
     let record = provenance("collect", name, &loaded, common)?;
     let watcher = Box::new(RunProgress::new(task));
@@ -43,7 +44,8 @@ pub fn collect(task_or_run: &Path, out: Option<&Path>, common: &Common) -> Resul
     let mut algorithm =
         linked::algorithm(task, common.seed, Progress::default(), common, &Purpose::Collect, Some(&path))?;
     algorithm.collect(&mut directory)?;
-    show_batch(task, &algorithm, &mut directory, common.json)
+    directory.write_summary(&algorithm.progress)?;
+    show_batch(task, &algorithm, &directory, common.json)
 }
 
 /// The name of a task; a file of a task is named by text.
@@ -53,30 +55,20 @@ pub fn text(name: &Path) -> Result<&str, Failure> {
     })
 }
 
-/// Makes the next batch of a run. A run that `learn` began is measured and evaluated between its batches, as `learn`
-/// does it, so that the same run comes of it.
+/// Makes the next batch of a run.
 fn next_batch(run: &FinishedRun, common: &Common) -> Result<(), Failure> {
-    let refuse = |why: &str| Err(Failure::request(format!("{}: {why}", run.path.display())));
     let watcher = Box::new(RunProgress::after(&run.task, &run.progress));
     let (mut directory, progress) = RunDirectory::resume(run, stop_flag(), watcher)?;
-    if progress.policies.len() < progress.iterations.len() {
-        return refuse("this batch is collected; `stridemap improve` the policy in its map first");
-    }
-    let learns = run.provenance.command.starts_with("stridemap learn ");
-    if learns && progress.final_performance.is_some() {
-        return refuse("the run is finished, and its final policy measured; start another");
-    }
+    refuse_batch(run, &progress)?;
     let mut algorithm =
         linked::algorithm(&run.task, run.provenance.seed, progress, common, &Purpose::Collect, Some(&run.path))?;
-    directory.goes_on()?;
-    if learns && !algorithm.catch_up(&mut directory)? {
+    if !verbs::next_batch(run, &mut algorithm, &mut directory)? {
         return Err(Failure::working(format!(
             "{0}: every batch is made; `stridemap learn --resume {0}` measures the final policy",
             run.path.display()
         )));
     }
-    algorithm.collect(&mut directory)?;
-    show_batch(&run.task, &algorithm, &mut directory, common.json)
+    show_batch(&run.task, &algorithm, &directory, common.json)
 }
 
 #[derive(Serialize)]
@@ -87,8 +79,7 @@ struct BatchShown {
     performance: Performance,
 }
 
-fn show_batch(task: &Task, algorithm: &Algorithm<'_>, directory: &mut RunDirectory, json: bool) -> Result<(), Failure> {
-    directory.write_summary(&algorithm.progress)?;
+fn show_batch(task: &Task, algorithm: &Algorithm<'_>, directory: &RunDirectory, json: bool) -> Result<(), Failure> {
     let progress = &algorithm.progress;
     let iteration = progress.iterations.len();
     let first = progress.transitions.partition_point(|t| t.iteration < iteration);
@@ -209,18 +200,8 @@ pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
     let (mut directory, progress) = RunDirectory::resume(&run, stop_flag(), watcher)?;
     let simulated = linked::here(&run.task);
     let mut algorithm = Algorithm::resume(&simulated, run.provenance.seed, progress)?;
-    let (policies, iterations) = (algorithm.progress.policies.len(), algorithm.progress.iterations.len());
-    if policies == iterations {
-        return Err(Failure::request(format!(
-            "{}: nothing new to learn from; `stridemap collect` a batch first",
-            path.display()
-        )));
-    }
-    directory.goes_on()?;
-    let map = algorithm.fit(&mut directory)?;
-    algorithm.improve(&map, &mut directory)?;
-    let summary = directory.write_summary(&algorithm.progress)?;
-    directory.event("verb", serde_json::json!({ "verb": "improve", "phase": Phase::Improve }))?;
+    let iterations = algorithm.progress.iterations.len();
+    let (summary, strides) = verbs::improve(&mut algorithm, &mut directory)?;
     if json {
         return output::json(&summary);
     }
@@ -228,7 +209,7 @@ pub fn improve(path: &Path, json: bool) -> Result<(), Failure> {
         "{}: policy {iterations} improved in a map of {} strides\n  next: stridemap evaluate {0}, or \
          stridemap collect {0}",
         path.display(),
-        map.samples().len()
+        strides
     ));
     Ok(())
 }

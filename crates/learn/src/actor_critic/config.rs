@@ -260,10 +260,7 @@ mod tests {
 
     #[test]
     fn every_recipe_is_valid_and_survives_a_file() {
-        for config in [
-            ActorCriticConfig::paper(&[0.5], &[1.0]),
-            ActorCriticConfig::stepping(),
-        ] {
+        for config in [ActorCriticConfig::paper(&[0.5], &[1.0]), ActorCriticConfig::stepping()] {
             config.validate().unwrap();
             let text = serde_json::to_string(&config).unwrap();
             let read = serde_json::from_str::<ActorCriticConfig>(&text).unwrap();

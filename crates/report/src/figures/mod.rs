@@ -15,6 +15,7 @@ mod seeds;
 mod stepping;
 mod strips;
 mod surface;
+mod sweep;
 mod trust;
 
 pub use actions::actions;
@@ -29,6 +30,7 @@ pub use seeds::{quartiles, runs_compared};
 pub use stepping::fig14;
 pub use strips::{Shot, Strip, TimeLapse, View, time_lapses};
 pub use surface::fig13;
+pub use sweep::{SweepMean, sweep};
 pub use trust::{predicted_actual, standardized_residuals};
 
 pub(crate) use actions::{verdict_words, warning_words};
