@@ -13,6 +13,7 @@ mod config;
 mod dimensions;
 mod engine;
 mod error;
+mod floor;
 mod foreign;
 mod guess;
 mod hardware;
