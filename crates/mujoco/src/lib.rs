@@ -9,8 +9,10 @@
 
 mod actuators;
 mod binding;
+mod changes;
 mod config;
 mod dimensions;
+mod drive;
 mod engine;
 mod error;
 mod floor;
@@ -20,15 +22,20 @@ mod hardware;
 mod law;
 mod machine;
 mod overrides;
+mod payload;
 mod per_joint;
 mod report;
 mod robot;
 mod rotation;
 mod scene;
+mod sensed;
+mod sensors;
 mod sole;
 mod store;
+mod strap;
 mod world;
 
+pub use changes::{ChangePreset, ChangesConfig};
 pub use config::{LegMap, Missing, ModelSource, MujocoConfig};
 pub use dimensions::Dimensions;
 pub use engine::{BIPED_XML, OP3_XML, Provenance, mujoco_version, sha256};
@@ -39,4 +46,6 @@ pub use machine::{SimulatedMachine, estimator, kinematic_model};
 pub use per_joint::{PerJoint, RestAngle};
 pub use report::{ActuatorKind, JointReport};
 pub use robot::{MujocoRobot, Snapshot};
+pub use sensed::SensedRobot;
+pub use sensors::{SensorConfig, SpeedSource, WiringFault};
 pub use store::compiled;
