@@ -9,6 +9,7 @@ use stridemap_record::{ComparePoint, Iteration, Performance, Spread, StridePhase
 
 use crate::algorithm::Algorithm;
 use crate::error::LabError;
+use crate::learner::network;
 use crate::plant::Batch;
 use crate::plant::Plant;
 use crate::recorder::NoRecorder;
@@ -78,7 +79,7 @@ fn frozen_policies(
     process: &mut dyn StrideProcess,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<GaussianPolicy>, LabError> {
-    let config = &task.learner.actor_critic;
+    let config = &network(task);
     let mut run = ActorCriticRun::new(config, process.spec(), None)?;
     let mut frozen = vec![run.policy().clone()];
     for _ in 0..config.trials {

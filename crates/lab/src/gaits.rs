@@ -1,6 +1,6 @@
 //! Nominal gaits that a task may name.
 
-use stridemap_gait::{Gait, OscillatorGait, PolicyGait};
+use stridemap_gait::{Gait, OscillatorGait, ZmpGait};
 use stridemap_robot::RobotDescription;
 
 use crate::error::{Invalid, LabError};
@@ -38,19 +38,16 @@ pub fn gaits() -> &'static Registry<GaitPart> {
         about: "four oscillators phase-locked to the robot's centre of pressure (MA09, sec. 2)",
         build: |task, robot| Ok(Box::new(OscillatorGait::new(task.gait.clone(), robot)?)),
     };
-    static ONNX: GaitPart = GaitPart {
-        name: "onnx",
-        about: "a pretrained network that follows a velocity command (gait.policy, or gait.policy_file)",
+    static ZMP: GaitPart = GaitPart {
+        name: "zmp",
+        about: "footsteps, preview control of the centre of mass (Kajita 2003), DCM feedback; parameters in [gait.zmp]",
         build: |task, robot| {
-            let gait = &task.gait;
-            let policy = gait.policy.clone().ok_or_else(|| {
-                let requirement = "is needed by gait.kind = \"onnx\" (or gait.policy_file, a file that has it)";
-                LabError::Invalid(Invalid { key: "gait.policy".into(), requirement: requirement.into() })
-            })?;
-            Ok(Box::new(PolicyGait::new(policy, gait.clock.clone(), gait.command, robot)?))
+            let missing = || Invalid { key: "gait.zmp".into(), requirement: "is needed by gait.kind = \"zmp\"".into() };
+            let config = task.gait.zmp.ok_or_else(|| LabError::Invalid(missing()))?;
+            Ok(Box::new(ZmpGait::new(config, robot)?))
         },
     };
-    static GAITS: Registry<GaitPart> = Registry::new("gait", &[&OSCILLATOR, &ONNX]);
+    static GAITS: Registry<GaitPart> = Registry::new("gait", &[&OSCILLATOR, &ZMP]);
     &GAITS
 }
 

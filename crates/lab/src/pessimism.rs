@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 use stridemap_map::{LearnedMap, MapPrediction, StateReward};
-use stridemap_process::{ProcessError, ProcessSpec, Situation, Stride, StrideEnd, StrideProcess};
+use stridemap_process::{Foreseen, Foresight, ProcessError, ProcessSpec, Situation, Stride, StrideEnd, StrideProcess};
 
 /// How much a stride in the map costs for what is not known or not safe.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,6 +59,45 @@ impl CautiousMap {
         Self { map, config, spec, psi_roll, pitch_rate, normal: Normal::standard() }
     }
 
+    /// What it charges, apart from the map that is asked.
+    fn charges(&self) -> Charges {
+        let noise = |c: usize| self.map.outputs()[c].hyperparameters().noise_variance;
+        Charges {
+            config: self.config,
+            of_state: self.map.world().reward.clone(),
+            psi_roll: self.psi_roll.map(|(c, bound)| (c, bound, noise(c))),
+            pitch_rate: self.pitch_rate,
+            normal: self.normal,
+        }
+    }
+}
+
+/// What a prediction costs.
+struct Charges {
+    config: PessimismConfig,
+    of_state: Option<StateReward>,
+    /// The component, its bound, and the variance of its noise.
+    psi_roll: Option<(usize, f64, f64)>,
+    pitch_rate: Option<usize>,
+    normal: Normal,
+}
+
+impl Charges {
+    /// The reward of a stride that does not fall, less what is charged.
+    fn reward(&self, at: &Situation, predicted: &MapPrediction) -> f64 {
+        let config = self.config;
+        let mut reward = Self::doubtful_reward(config.std_weight, self.of_state.as_ref(), predicted);
+        if let Some((c, bound, noise)) = self.psi_roll {
+            let sd = (predicted.latent_variances[c] + noise).sqrt().max(f64::MIN_POSITIVE);
+            reward -= config.unsafe_penalty * self.normal.cdf((bound - predicted.means[c]) / sd);
+        }
+        if let Some(c) = self.pitch_rate {
+            let change = (predicted.means[c] - at.state[c]).abs();
+            reward -= config.flip_penalty * (change - config.flip_free_deg_s).max(0.0);
+        }
+        reward
+    }
+
     /// Mean reward less k standard deviations, without the penalties.
     fn doubtful_reward(k: f64, of_state: Option<&StateReward>, predicted: &MapPrediction) -> f64 {
         let Some(of_state) = of_state else {
@@ -98,19 +137,24 @@ impl StrideProcess for CautiousMap {
         if stride.end != StrideEnd::Crossing {
             return Ok(stride);
         }
-        let config = self.config;
-        let of_state = self.map.world().reward.clone();
-        let roll_noise = self.psi_roll.map(|(c, _)| self.map.outputs()[c].hyperparameters().noise_variance);
+        let charges = self.charges();
         let (at, predicted) = self.map.imagined()?;
-        stride.reward = Self::doubtful_reward(config.std_weight, of_state.as_ref(), predicted);
-        if let (Some((c, bound)), Some(noise)) = (self.psi_roll, roll_noise) {
-            let sd = (predicted.latent_variances[c] + noise).sqrt().max(f64::MIN_POSITIVE);
-            stride.reward -= config.unsafe_penalty * self.normal.cdf((bound - predicted.means[c]) / sd);
-        }
-        if let Some(c) = self.pitch_rate {
-            let change = (predicted.means[c] - at.state[c]).abs();
-            stride.reward -= config.flip_penalty * (change - config.flip_free_deg_s).max(0.0);
-        }
+        stride.reward = charges.reward(at, predicted);
         Ok(stride)
+    }
+
+    fn foresight(&self) -> Option<&dyn Foresight> {
+        Some(self)
+    }
+}
+
+impl Foresight for CautiousMap {
+    fn foresee(&self, at: &Situation, action: &[f64]) -> Result<Foreseen, ProcessError> {
+        let charges = self.charges();
+        self.map.foresee_by(at, action, &|predicted| charges.reward(at, predicted))
+    }
+
+    fn remembers(&self) -> bool {
+        self.map.remembers()
     }
 }

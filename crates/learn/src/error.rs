@@ -82,6 +82,15 @@ pub enum LearnError {
         /// Trial, from 1.
         trial: usize,
     },
+    /// The learner takes expectations or slopes of strides, and the process, a robot, can only make them.
+    #[error("{learner} learns in a map; this process makes strides and foresees none")]
+    NoForesight {
+        /// The learner.
+        learner: &'static str,
+    },
+    /// A Gaussian process of the learner's own could not be fitted.
+    #[error(transparent)]
+    Gp(#[from] stridemap_gp::GpError),
     /// The process failed.
     #[error(transparent)]
     Process(#[from] ProcessError),

@@ -203,6 +203,28 @@ impl NormalizedGaussianNetwork {
         }
     }
 
+    /// Slopes of all outputs by the components of the state, where the bases were evaluated: a row per output.
+    ///
+    /// ```text
+    /// ∂fⱼ/∂xₖ = Σᵢ wᵢⱼ bᵢ (gᵢₖ − Σₗ bₗ gₗₖ),   gᵢₖ = −(xₖ − cᵢₖ) / sₖ²
+    /// ```
+    #[must_use]
+    pub fn slopes(&self, state: &[f64], activations: &Activations) -> Vec<Vec<f64>> {
+        let b = activations.normalized();
+        let pull = |i: usize, k: usize| -(state[k] - self.centre(i)[k]) / self.widths[k].powi(2);
+        let mut slopes = vec![vec![0.0; self.widths.len()]; self.outputs];
+        for k in 0..self.widths.len() {
+            let mean: f64 = b.iter().enumerate().map(|(i, b)| b * pull(i, k)).sum();
+            for (i, b) in b.iter().enumerate() {
+                let moves = b * (pull(i, k) - mean);
+                for (row, w) in slopes.iter_mut().zip(self.weights(i)) {
+                    row[k] += w * moves;
+                }
+            }
+        }
+        slopes
+    }
+
     /// All outputs at a state.
     #[must_use]
     pub fn evaluate(&self, state: &[f64]) -> SmallVec<[f64; 16]> {
@@ -245,6 +267,27 @@ mod tests {
             let after = network.evaluate(&state);
             for (a, b) in before.iter().zip(&after) {
                 assert!((a - b).abs() < 1e-14, "{a} became {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn slopes_are_those_of_central_differences() {
+        let network = example();
+        for state in [[0.7, -0.4], [0.1, 1.5]] {
+            let mut here = Activations::default();
+            network.activate(&state, &mut here);
+            let slopes = network.slopes(&state, &here);
+            for k in 0..2 {
+                let at = |by: f64| {
+                    let mut moved = state;
+                    moved[k] += by;
+                    network.evaluate(&moved)
+                };
+                let (ahead, behind) = (at(1e-5), at(-1e-5));
+                for j in 0..2 {
+                    assert!((slopes[j][k] - (ahead[j] - behind[j]) / 2e-5).abs() < 1e-8);
+                }
             }
         }
     }

@@ -5,8 +5,9 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_learn::{
-    ActorCritic, ActorCriticConfig, ConstantPolicy, KeptPolicy, LearnError, LearnOutcome, Learner, LinearPolicy,
-    Output, Policy, SavedPolicy, SearchConfig, SearchLearner,
+    ActorCritic, ActorCriticConfig, BayesianPolicyGradient, ConstantPolicy, CrossEntropy, CrossEntropyConfig,
+    KeptPolicy, LearnError, LearnOutcome, Learner, LinearPolicy, NaturalActorCritic, Output, Policy,
+    PolicyGradientConfig, SavedPolicy, SearchConfig, SearchLearner,
 };
 use stridemap_process::{Next, ProcessError, ProcessSpec, Situation, Stride, StrideEnd, StrideProcess, walk};
 use stridemap_testbed::{LinearGaussianMap, LinearGaussianParameters, RimlessWheel, RimlessWheelParameters};
@@ -23,7 +24,14 @@ fn learners() -> Vec<(&'static str, Box<dyn Learner>)> {
         strides_per_episode: 30,
         unscored_strides: 0,
     };
+    let gradient =
+        PolicyGradientConfig { trials: 6, strides_per_trial: 60, max_bases: 4, ..PolicyGradientConfig::default() };
+    let few = CrossEntropyConfig { generations: 3, population: 6, ..CrossEntropyConfig::default() };
+    let (state_unit, action_unit) = (vec![0.5], vec![0.5]);
     vec![
+        ("cem", Box::new(CrossEntropy { config: few, discount: 0.95, state_unit, action_unit })),
+        ("natural actor-critic", Box::new(NaturalActorCritic { network: short.clone(), config: gradient })),
+        ("Bayesian policy gradient", Box::new(BayesianPolicyGradient { network: short.clone(), config: gradient })),
         ("actor-critic", Box::new(ActorCritic { config: short })),
         ("search", Box::new(SearchLearner { config: search })),
     ]

@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gp::{Fitted, Points, RegressorKind, Scratch, check_memory};
 use stridemap_process::{
-    Action, ActionLaw, ActionLimits, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, Stride, StrideEnd,
-    StrideProcess, clipped_action,
+    Action, ActionLaw, ActionLimits, Foresight, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, Stride,
+    StrideEnd, StrideProcess, clipped_action,
 };
 
 use crate::error::MapError;
@@ -443,6 +443,10 @@ impl MeanMap for LearnedMap {
 impl StrideProcess for LearnedMap {
     fn spec(&self) -> &ProcessSpec {
         &self.world.spec
+    }
+
+    fn foresight(&self) -> Option<&dyn Foresight> {
+        Some(self)
     }
 
     fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {

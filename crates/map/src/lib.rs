@@ -9,6 +9,7 @@
 //!   Press, 2006.
 
 mod error;
+mod foresight;
 mod goal_map;
 mod kick;
 mod learned;

@@ -17,7 +17,7 @@ mod roll_out;
 
 pub use action_law::{ActionLaw, ActionLimits};
 pub use process::{
-    Action, ActionDimension, Goal, GoalDimension, MeanMap, ProcessError, ProcessSpec, Situation, State, StateDimension,
-    Stride, StrideEnd, StrideProcess, clipped_action,
+    Action, ActionDimension, Foreseen, Foresight, Goal, GoalDimension, MeanMap, ProcessError, ProcessSpec, Situation,
+    State, StateDimension, Stride, StrideEnd, StrideProcess, clipped_action,
 };
 pub use roll_out::{Actor, Made, Next, roll_out, walk};

@@ -228,6 +228,11 @@ pub trait StrideProcess {
     /// [`ProcessError`] for an action of the wrong length or not finite, for a process that was not
     /// reset, or if the world behind the process fails.
     fn stride(&mut self, action: &[f64], rng: &mut ChaCha8Rng) -> Result<Stride, ProcessError>;
+
+    /// The map behind the process, where there is one that foresees strides; a robot has none.
+    fn foresight(&self) -> Option<&dyn Foresight> {
+        None
+    }
 }
 
 /// A map whose mean can be asked for at any state: the learned map, the exact maps; not a robot.
@@ -240,6 +245,38 @@ pub trait MeanMap {
     /// [`ProcessError::NoReturn`] if the stride does not reach the next section; [`ProcessError`] for a
     /// bad state or action.
     fn mean_next_state(&self, at: &Situation, action: &[f64]) -> Result<State, ProcessError>;
+}
+
+/// The next stride as a map foresees it: a normal distribution, its components independent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Foreseen {
+    /// The action as it would be applied.
+    pub applied: Action,
+    /// Mean of each component of the next state, in its unit.
+    pub mean: State,
+    /// Variance of what a stride draws of each, in its unit squared; zero for a map without noise.
+    pub variance: State,
+    /// Expected reward, the price of a fall included.
+    pub reward: f64,
+    /// Probability of a fall, from 0 to 1.
+    pub fall: f64,
+}
+
+/// A map that can be asked for the distribution of the next stride from any situation: what learners need
+/// that take expectations or differentiate instead of drawing strides.
+pub trait Foresight {
+    /// The stride from a situation by an action, which goes through bounds and action law as in
+    /// [`StrideProcess::stride`].
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessError`] for a bad state or action.
+    fn foresee(&self, at: &Situation, action: &[f64]) -> Result<Foreseen, ProcessError>;
+
+    /// Whether a stride depends on the last action beyond the state.
+    fn remembers(&self) -> bool {
+        false
+    }
 }
 
 /// Checks an action against a process: length and finiteness; then clips it to the bounds.

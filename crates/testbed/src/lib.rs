@@ -16,11 +16,13 @@
 //!   Research 28(8), 2009.
 //! - \[Bert12\] D. P. Bertsekas, *Dynamic programming and optimal control*, vol. II, 4th ed., 2012.
 
+mod cliff_walk;
 mod compass_gait;
 mod linear_gaussian;
 mod linear_quadratic;
 mod rimless_wheel;
 
+pub use cliff_walk::{CliffWalk, CliffWalkParameters, GridValues};
 pub use compass_gait::{CompassGait, CompassGaitParameters};
 pub use linear_gaussian::{LinearGaussianMap, LinearGaussianParameters, QuadraticValue};
 pub use linear_quadratic::{LinearFeedback, NoFeedback, linear_quadratic_feedback};

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use stridemap_process::{
-    Action, ActionDimension, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State, StateDimension, Stride,
-    StrideEnd, StrideProcess, clipped_action,
+    Action, ActionDimension, Foreseen, Foresight, Goal, MeanMap, ProcessError, ProcessSpec, Situation, State,
+    StateDimension, Stride, StrideEnd, StrideProcess, clipped_action,
 };
 
 use crate::linear_quadratic::{NoFeedback, linear_quadratic_feedback};
@@ -319,9 +319,27 @@ impl MeanMap for LinearGaussianMap {
     }
 }
 
+/// The expected reward is exact, and nothing is foreseen of falls.
+impl Foresight for LinearGaussianMap {
+    fn foresee(&self, at: &Situation, action: &[f64]) -> Result<Foreseen, ProcessError> {
+        let p = &self.parameters;
+        let applied = clipped_action(&self.spec, action)?;
+        let mean = self.mean_next_state(at, &applied)?;
+        let variance: State = p.noise_std.iter().map(|s| s * s).collect();
+        let of_state = (0..mean.len()).map(|i| p.state_cost[i] * ((mean[i] - p.target[i]).powi(2) + variance[i]));
+        let of_action = applied.iter().zip(&p.action_cost).map(|(u, cost)| cost * u * u);
+        let reward = -of_state.chain(of_action).sum::<f64>();
+        Ok(Foreseen { applied, mean, variance, reward, fall: 0.0 })
+    }
+}
+
 impl StrideProcess for LinearGaussianMap {
     fn spec(&self) -> &ProcessSpec {
         &self.spec
+    }
+
+    fn foresight(&self) -> Option<&dyn Foresight> {
+        self.parameters.fall_beyond.is_none().then_some(self as &dyn Foresight)
     }
 
     fn reset(&mut self, rng: &mut ChaCha8Rng) -> Result<Situation, ProcessError> {

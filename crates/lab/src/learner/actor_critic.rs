@@ -1,7 +1,7 @@
 //! The paper's actor-critic, in the map.
 
 use rand_chacha::ChaCha8Rng;
-use stridemap_learn::{ActorCritic, Output, SavedPolicy, TrialSummary};
+use stridemap_learn::{ActorCritic, ActorCriticConfig, Output, SavedPolicy, TrialSummary};
 
 use super::{Known, LearnerPart};
 use crate::error::{LabError, unless};
@@ -19,14 +19,7 @@ impl LearnerPart for InMap {
     }
 
     fn check(&self, task: &Task) -> Result<(), LabError> {
-        let (config, n) = (&task.learner.actor_critic, task.state.len());
-        let found = config.basis_widths.len();
-        unless(
-            found == n,
-            "learner.actor_critic.basis_widths",
-            format!("has {found} entries, needs one per component of the state: {n}"),
-        )?;
-        Ok(config.validate()?)
+        check_network(task)
     }
 
     fn propose(
@@ -36,9 +29,7 @@ impl LearnerPart for InMap {
         observer: &mut dyn FnMut(&TrialSummary),
     ) -> Result<SavedPolicy, LabError> {
         let (settings, policies) = (&known.task.learner, &known.progress.policies);
-        let mut config = settings.actor_critic.clone();
-        let output = |a: &ActionConfig| Output { unit: a.output_unit, mean_weight_limit: a.mean_weight_limit };
-        config.outputs = known.task.action.iter().map(output).collect();
+        let mut config = network(known.task);
         let later = known.iteration() > 1;
         let initial = if known.region.is_some() {
             if let (true, Some(trials)) = (later, settings.later_trials) {
@@ -52,4 +43,22 @@ impl LearnerPart for InMap {
         let initial = initial.filter(|_| settings.warm_start);
         known.in_map(&mut ActorCritic { config }, initial, true, rng, observer)
     }
+}
+
+/// Checks `learner.actor_critic`: the shape of a network policy, its limits, and the discount.
+pub(super) fn check_network(task: &Task) -> Result<(), LabError> {
+    let (config, n) = (&task.learner.actor_critic, task.state.len());
+    let found = config.basis_widths.len();
+    unless(
+        found == n,
+        "learner.actor_critic.basis_widths",
+        format!("has {found} entries, needs one per component of the state: {n}"),
+    )?;
+    Ok(config.validate()?)
+}
+
+/// `learner.actor_critic`, with what the network's outputs stand for.
+pub(crate) fn network(task: &Task) -> ActorCriticConfig {
+    let output = |a: &ActionConfig| Output { unit: a.output_unit, mean_weight_limit: a.mean_weight_limit };
+    ActorCriticConfig { outputs: task.action.iter().map(output).collect(), ..task.learner.actor_critic.clone() }
 }

@@ -5,6 +5,7 @@ mod actor_critic;
 mod bayes_opt;
 mod cma_es;
 mod constant;
+mod in_map;
 mod integral;
 mod linear;
 mod search;
@@ -16,6 +17,7 @@ use stridemap_learn::{ConstantPolicy, Learner, SavedPolicy, TrialSummary};
 use stridemap_map::LearnedMap;
 use stridemap_process::{ActionLimits, ProcessSpec, StrideEnd, StrideProcess};
 
+pub(crate) use actor_critic::network;
 pub use integral::IntegralConfig;
 pub use search::SearchSettings;
 
@@ -124,6 +126,11 @@ pub fn learners() -> &'static Registry<dyn LearnerPart> {
             &linear::Corner,
             &bayes_opt::OnRobot,
             &cma_es::OnRobot,
+            &in_map::NATURAL_ACTOR_CRITIC,
+            &in_map::GP_DP,
+            &in_map::BAYES_POLICY_GRADIENT,
+            &in_map::PATHWISE,
+            &in_map::CEM,
         ],
     );
     &LEARNERS

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use stridemap_learn::ActorCriticConfig;
+use stridemap_learn::{ActorCriticConfig, CrossEntropyConfig, GpDpConfig, PathwiseConfig, PolicyGradientConfig};
 use stridemap_record::WalkTimes;
 
 use crate::learner::{ControlsConfig, IntegralConfig, LearnerKind, SearchSettings};
@@ -47,6 +47,19 @@ pub struct LearnerConfig {
     pub later_trials: Option<usize>,
     /// Parameters of the actor-critic.
     pub actor_critic: ActorCriticConfig,
+    /// Parameters of the natural actor-critic and of Bayesian policy gradient, which share the policy's shape, its limits
+    /// and the discount with the actor-critic, as the next two do.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub policy_gradient: PolicyGradientConfig,
+    /// Parameters of the pathwise gradient.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub pathwise: PathwiseConfig,
+    /// Parameters of dynamic programming in the map.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub gp_dp: GpDpConfig,
+    /// Parameters of the cross-entropy method, whose units are the actor-critic's.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub cem: CrossEntropyConfig,
     /// Parameters of the search in the map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchSettings>,
@@ -59,6 +72,10 @@ pub struct LearnerConfig {
     /// Parameters of integral action, for tasks with one action that moves `ψ_roll`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub integral: Option<IntegralConfig>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Algorithm 1 itself.

@@ -1,6 +1,8 @@
 //! The actor-critic's parameters.
 
 use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+use stridemap_process::{ActionDimension, ProcessSpec};
 
 use crate::error::{LearnError, check_number};
 
@@ -230,6 +232,30 @@ impl ActorCriticConfig {
             return 1.0;
         }
         1.0 - (1.0 - self.final_step_fraction) * (beyond / (last - full)).min(1.0)
+    }
+
+    /// Units of the action per output 1, per component.
+    #[must_use]
+    pub fn units(&self) -> Vec<f64> {
+        self.outputs.iter().map(|output| output.unit).collect()
+    }
+
+    /// Bounds of the mean weights per component, in outputs; empty if there are none.
+    pub(crate) fn mean_weight_bounds(&self, spec: &ProcessSpec) -> SmallVec<[[f64; 2]; 8]> {
+        let (within, outputs) = (self.mean_weights_within_bounds, &self.outputs);
+        if !within && outputs.iter().all(|output| output.mean_weight_limit.is_none()) {
+            return SmallVec::new();
+        }
+        let bounds = |(bounds, Output { unit, mean_weight_limit }): (&ActionDimension, &Output)| {
+            let limit = mean_weight_limit.map_or(f64::INFINITY, |limit| limit / unit);
+            if within {
+                let (low, high) = (bounds.lower / unit, bounds.upper / unit);
+                [low.clamp(-limit, limit), high.clamp(-limit, limit)]
+            } else {
+                [-limit, limit]
+            }
+        };
+        spec.action.iter().zip(outputs).map(bounds).collect()
     }
 
     /// How many of the last trials are averaged.

@@ -120,7 +120,7 @@ impl ActorCriticRun {
         initial: Option<&SavedPolicy>,
     ) -> Result<Self, LearnError> {
         config.validate()?;
-        let units: Vec<f64> = config.outputs.iter().map(|output| output.unit).collect();
+        let units = config.units();
         let scratch = GaussianPolicy::new(spec.clone(), &config.basis_widths, &units, config.std_scale)?;
         let policy = match initial {
             None => scratch,
@@ -251,23 +251,7 @@ impl ActorCriticRun {
 
     /// Bounds of the mean weights per component, in outputs; empty if there are none.
     fn mean_weight_bounds(&self) -> SmallVec<[[f64; 2]; 8]> {
-        let within = self.config.mean_weights_within_bounds;
-        let outputs = &self.config.outputs;
-        if !within && outputs.iter().all(|output| output.mean_weight_limit.is_none()) {
-            return SmallVec::new();
-        }
-        let actions = self.policy.spec().action.iter().zip(outputs);
-        actions
-            .map(|(bounds, Output { unit, mean_weight_limit })| {
-                let limit = mean_weight_limit.map_or(f64::INFINITY, |limit| limit / unit);
-                if within {
-                    let (low, high) = (bounds.lower / unit, bounds.upper / unit);
-                    [low.clamp(-limit, limit), high.clamp(-limit, limit)]
-                } else {
-                    [-limit, limit]
-                }
-            })
-            .collect()
+        self.config.mean_weight_bounds(self.policy.spec())
     }
 
     /// Adds a base at the state whose bases are in `here`, if none is active there.
@@ -366,7 +350,7 @@ impl<P: StrideProcess + ?Sized> Actor<P, LearnError> for Trial<'_> {
 }
 
 /// The given policy with the process's bounds; units, widths and σ₀ must be the configured ones.
-fn warm_start(
+pub(crate) fn warm_start(
     policy: &GaussianPolicy,
     scratch: &GaussianPolicy,
     config: &ActorCriticConfig,
@@ -396,18 +380,18 @@ fn warm_start(
 
 /// A trial's numbers while it runs.
 #[derive(Default)]
-struct Tally {
-    strides: usize,
+pub(crate) struct Tally {
+    pub(crate) strides: usize,
     reward: f64,
     td_error: f64,
     td_error_square: f64,
     falls: usize,
     stalls: usize,
-    aborted: usize,
+    pub(crate) aborted: usize,
 }
 
 impl Tally {
-    fn count(&mut self, end: StrideEnd, reward: f64, td_error: f64) {
+    pub(crate) fn count(&mut self, end: StrideEnd, reward: f64, td_error: f64) {
         self.strides += 1;
         self.reward += reward;
         self.td_error += td_error;
@@ -416,7 +400,14 @@ impl Tally {
         self.stalls += usize::from(end == StrideEnd::NoCrossing);
     }
 
-    fn summary(&self, trial: usize, bases: usize) -> TrialSummary {
+    /// Strides that were not made one by one, with the sum of their rewards.
+    pub(crate) fn add(&mut self, strides: usize, reward: f64, falls: usize) {
+        self.strides += strides;
+        self.reward += reward;
+        self.falls += falls;
+    }
+
+    pub(crate) fn summary(&self, trial: usize, bases: usize) -> TrialSummary {
         let n = self.strides as f64;
         TrialSummary {
             trial,

@@ -2,15 +2,19 @@
 
 mod cma_es;
 mod config;
+mod cross_entropy;
+mod judged;
 
 pub use cma_es::CmaEs;
 pub use config::SearchConfig;
+pub use cross_entropy::{CrossEntropy, CrossEntropyConfig};
+use judged::{Episodes, Score};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use stridemap_process::{Action, Actor, Made, Next, Situation, Stride, StrideEnd, StrideProcess, roll_out};
+use stridemap_process::{Action, StrideProcess};
 
-use crate::error::{LearnError, Place};
+use crate::error::LearnError;
 use crate::learner::{LearnOutcome, Learner, TrialReport, TrialSummary};
 use crate::saved::{ConstantPolicy, KeptPolicy, SavedPolicy, check_same_components};
 
@@ -110,105 +114,14 @@ impl SearchLearner {
         rng: &mut ChaCha8Rng,
         trial: usize,
     ) -> Result<Score, LearnError> {
-        let mut score = Score::default();
-        for _ in 0..self.config.episodes {
-            let mut judged = Judged {
-                constants: constants.iter().copied().collect(),
-                unscored: self.config.unscored_strides,
-                at: Place { trial, stride: 1 },
-                score,
-            };
-            roll_out(process, self.config.strides_per_episode, &mut judged, rng)?;
-            score = judged.score;
-        }
-        if score.scored == 0 {
-            return Err(LearnError::AllAborted { trial });
-        }
-        Ok(score)
-    }
-}
-
-/// A candidate in one of its episodes.
-struct Judged {
-    constants: Action,
-    unscored: usize,
-    at: Place,
-    score: Score,
-}
-
-impl<P: StrideProcess + ?Sized> Actor<P, LearnError> for Judged {
-    fn begin(&mut self, process: &mut P, at: &Situation) -> Result<Next, LearnError> {
-        self.at.check_state(&at.state, process.spec())?;
-        Ok(Next::Go)
-    }
-
-    fn act(&mut self, _: &mut P, _: &Situation, _: &mut ChaCha8Rng) -> Result<Action, LearnError> {
-        Ok(self.constants.clone())
-    }
-
-    fn saw(&mut self, process: &mut P, made: Made<'_>) -> Result<Next, LearnError> {
-        let (at, stride) = (self.at, made.stride);
-        self.at.stride += 1;
-        if stride.end == StrideEnd::Aborted {
-            self.score.aborted += 1;
-            return Ok(Next::Go);
-        }
-        at.check_state(&stride.next.state, process.spec())?;
-        at.check_finite("reward", stride.reward)?;
-        self.score.count(stride, at.stride > self.unscored);
-        Ok(Next::Go)
-    }
-}
-
-/// How a candidate, or a generation, fared.
-#[derive(Default)]
-struct Score {
-    scored: usize,
-    reward: f64,
-    strides_made: usize,
-    all_rewards: f64,
-    falls: usize,
-    stalls: usize,
-    aborted: usize,
-}
-
-impl Score {
-    fn count(&mut self, stride: &Stride, scored: bool) {
-        self.strides_made += 1;
-        self.all_rewards += stride.reward;
-        self.falls += usize::from(stride.end == StrideEnd::Fell);
-        self.stalls += usize::from(stride.end == StrideEnd::NoCrossing);
-        if scored || stride.end.is_terminal() {
-            self.scored += 1;
-            self.reward += stride.reward;
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.strides_made += other.strides_made;
-        self.all_rewards += other.all_rewards;
-        self.falls += other.falls;
-        self.stalls += other.stalls;
-        self.aborted += other.aborted;
-    }
-
-    fn value(&self) -> f64 {
-        self.reward / self.scored as f64
-    }
-
-    fn summary(&self, trial: usize) -> TrialSummary {
-        let strides = self.strides_made - self.aborted;
-        TrialSummary {
-            trial,
-            strides,
-            mean_reward: self.all_rewards / strides as f64,
-            falls: self.falls,
-            stalls: self.stalls,
-            aborted: self.aborted,
-            mean_td_error: 0.0,
-            rms_td_error: 0.0,
-            bases: 0,
-        }
+        let (constants, c) = (Action::from_slice(constants), &self.config);
+        let episodes = Episodes {
+            episodes: c.episodes,
+            strides: c.strides_per_episode,
+            unscored: c.unscored_strides,
+            discount: None,
+        };
+        episodes.score(process, &|_| constants.clone(), rng, trial)
     }
 }
 
