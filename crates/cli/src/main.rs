@@ -118,6 +118,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
         Command::Check { task, common } => commands::task::check(&task, &common),
+        Command::Fetch { robot, yes, json } => commands::fetch::fetch(robot, yes, json),
         Command::List { kind, json } => commands::list::list(kind, json),
         Command::Init { file, model: Some(model), json } => {
             commands::bring_up::init_model(&model, file.as_deref(), json)
@@ -129,7 +130,14 @@ fn run(command: Command) -> Result<(), Failure> {
         }
         Command::Stop { rearm, reason, network } => commands::robot::stop(rearm, &reason, &network),
         Command::BenchLink { seconds, json, domain } => commands::robot::bench_link(seconds, json, domain),
-        Command::Bench { what: Some(_), out, only, seeds, .. } => {
+        Command::Bench { what: Some(args::BenchOf::Walk), only, sets, seeds, json, .. } => {
+            commands::velocity::walk(seeds, only.as_deref(), &sets, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::Preflight), only, sets, seeds, json, .. } => {
+            let task = only.as_deref().unwrap_or("g1-velocity");
+            commands::preflight::bench(task, seeds, &sets, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, .. } => {
             commands::robots::robots(&out, seeds, only.as_deref())
         }
         Command::Bench { json, .. } => commands::bench::bench(json),

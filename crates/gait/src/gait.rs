@@ -42,6 +42,14 @@ pub enum GaitError {
         /// The part that no joint plays.
         joint: &'static str,
     },
+    /// The tables of a pretrained policy, its network and the robot do not fit together.
+    #[error("gait.{key}: {what}")]
+    Policy {
+        /// Key in the configuration.
+        key: String,
+        /// What is wrong with it.
+        what: String,
+    },
     /// There is no modulation of this index.
     #[error("modulation {index} does not exist; this gait has {count}")]
     NoSuchModulation {

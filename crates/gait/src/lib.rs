@@ -2,7 +2,7 @@
 //!
 //! A [`Gait`] turns the robot's state into joint targets, and lists the [`Modulation`]s by which a
 //! policy may change it. [`OscillatorGait`] is the paper's: four oscillators phase-locked to the
-//! centre of pressure \[MA09, eqs. (1)–(6), (26), (29)\].
+//! centre of pressure \[MA09, eqs. (1)–(6), (26), (29)\]. [`PolicyGait`] is a pretrained network that follows a velocity command.
 //!
 //! ```text
 //! centre of pressure ──▶ phase φ ──▶ four oscillators φ_c¹…φ_c⁴ ──▶ sinusoidal joint targets
@@ -22,6 +22,7 @@ mod gait;
 mod modulations;
 mod oscillator;
 mod phase;
+mod policy;
 mod targets;
 mod zmp;
 
@@ -29,5 +30,9 @@ pub use filter::LowPass;
 pub use gait::{Gait, GaitError, Modulation};
 pub use oscillator::{AmplitudeConfig, GaitConfig, OscillatorGait, RampConfig};
 pub use phase::{PhaseConfig, PhaseDetector, PhaseSource};
+pub use policy::{
+    ClockConfig, Each, HeldJoint, HistoryFill, ModelConfig, PolicyConfig, PolicyGait, Source, TermConfig, TermKind,
+    joints_of, numbers_of, read_network,
+};
 pub use targets::{Amplitudes, Phases, joint_offsets};
 pub use zmp::{LegLengths, Preview, PreviewAxis, ZmpConfig, ZmpGait};

@@ -1,6 +1,7 @@
 //! The paper's gait: four oscillators phase-locked to the robot.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{JointTargets, LegJoint, LegRole, RobotDescription, RobotState, Side};
@@ -10,6 +11,7 @@ use crate::modulations::{
     ANKLE_LEAN, ANKLE_ROLL_STEP, COUNT, CROUCH, FREQUENCY, HIP_LEAN, PITCH, ROLL, STEP, WALK, modulations,
 };
 use crate::phase::{PhaseConfig, PhaseDetector, PhaseSource};
+use crate::policy::{ClockConfig, ModelConfig, PolicyConfig};
 use crate::targets::{Amplitudes, Phases, joint_offsets};
 use crate::zmp::ZmpConfig;
 
@@ -55,6 +57,21 @@ pub struct GaitConfig {
     /// Parameters of a gait of one's own, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub own: BTreeMap<String, f64>,
+    /// For `kind = "onnx"`: a file with the tables `policy`, `clock` and `model`, which then stand here and in `robot`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy_file: Option<PathBuf>,
+    /// For `kind = "onnx"`: the network, what it sees, what its answer means.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<PolicyConfig>,
+    /// For `kind = "onnx"`: the phases that the network sees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockConfig>,
+    /// For `kind = "onnx"`: the robot on which the network was trained, where `robot` does not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelConfig>,
+    /// For `kind = "onnx"`: nominal command, speed forward and to the left (m/s) and yaw rate (rad/s).
+    #[serde(default, skip_serializing_if = "is_still")]
+    pub command: [f64; 3],
     /// `ω_c`, natural angular frequency of the oscillators.
     pub natural_frequency_rad_s: f64,
     /// `K_c`, coupling to the robot's phase.
@@ -77,12 +94,21 @@ fn is_oscillator(kind: &str) -> bool {
     kind == "oscillator"
 }
 
+fn is_still(command: &[f64; 3]) -> bool {
+    command.iter().all(|c| c.to_bits() == 0)
+}
+
 impl Default for GaitConfig {
     fn default() -> Self {
         Self {
             kind: oscillator(),
             zmp: None,
             own: BTreeMap::new(),
+            policy_file: None,
+            policy: None,
+            clock: None,
+            model: None,
+            command: [0.0; 3],
             natural_frequency_rad_s: 3.5,
             coupling_rad_s: 10.0,
             coupling_delay_s: 0.0,

@@ -12,7 +12,7 @@ pub use crate::task::Written;
 use crate::task::{COMPONENTS, Task};
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 11] = [
+pub const TASKS: [(&str, &str); 16] = [
     ("stepping", include_str!("../../../experiments/stepping.toml")),
     ("stepping-auto", include_str!("../../../experiments/stepping-auto.toml")),
     ("stepping-paper", include_str!("../../../experiments/stepping-paper.toml")),
@@ -22,6 +22,11 @@ pub const TASKS: [(&str, &str); 11] = [
     ("walking-paper", include_str!("../../../experiments/walking-paper.toml")),
     ("small-stepping", include_str!("../../../experiments/small-stepping.toml")),
     ("small-walking", include_str!("../../../experiments/small-walking.toml")),
+    ("g1-velocity", include_str!("../../../experiments/g1-velocity.toml")),
+    ("g1-fastsac-velocity", include_str!("../../../experiments/g1-fastsac-velocity.toml")),
+    ("t1-velocity", include_str!("../../../experiments/t1-velocity.toml")),
+    ("t1-fastsac-velocity", include_str!("../../../experiments/t1-fastsac-velocity.toml")),
+    ("go2-velocity", include_str!("../../../experiments/go2-velocity.toml")),
     ("zmp-stepping", include_str!("../../../experiments/zmp-stepping.toml")),
     ("zmp-walking", include_str!("../../../experiments/zmp-walking.toml")),
 ];
@@ -143,6 +148,8 @@ fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
     if let Some(key) = task.auto.iter().find(|key| KEYS.iter().all(|(known, _)| known != key)) {
         return Err(config(document.located("auto", format!("{key:?} is nothing that a robot can tell"))));
     }
+    crate::pretrained::adopt(&mut task.gait, &mut task.robot, &mut task.failure.base_below_m, &document)
+        .map_err(|error| located(&document, &ModelSource::Biped, error))?;
     task.rescale();
     // From the file that names it; absolute, since the resolved task is saved elsewhere.
     if let (ModelSource::File(path), Some(base)) = (&mut task.robot.model, document.base_dir("robot.model"))
@@ -175,6 +182,7 @@ fn located(document: &Document, model: &ModelSource, error: LabError) -> LabErro
         LabError::Gait(GaitError::Parameter { name, value, requirement }) => {
             at(&format!("gait.{name}"), format!("{value}: {requirement}"))
         }
+        LabError::Gait(GaitError::Policy { key, what }) => at(&format!("gait.{key}"), what),
         LabError::Gait(GaitError::NoJoint { side, .. }) => {
             let (key, text) = (format!("robot.{side}"), error.to_string());
             at(&key, text.trim_start_matches(&format!("{key}: ")).to_owned())

@@ -5,11 +5,12 @@ use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
 use stridemap_process::{ActionLimits, ProcessError, StrideEnd};
 use stridemap_record::{StridePhase, StrideRole};
-use stridemap_robot::{Robot, Side};
+use stridemap_robot::{Hold, Robot, Side};
 
 use crate::error::LabError;
 use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
 use crate::plant::Batch;
+use crate::preflight::preflight;
 use crate::seed::{Role, stream};
 use crate::stepping::{CLEARANCE_SHARE, GaitVerdict, Stepping};
 use crate::strides::{ActionSource, Exploration, ExploreRange, make_strides};
@@ -108,9 +109,26 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
     };
     let joints_ok = report.item("joints", problems.is_empty(), found);
 
+    if task.robot.sensors.is_some() {
+        let faults = preflight(task, &mut stream(seed, Role::Check, 4))?;
+        let found: Vec<String> = faults.iter().map(|fault| format!("{}: {}", fault.kind, fault.found)).collect();
+        let found = match found[..] {
+            [] => "sensors and joints answer as the model's, held in the air and let down".into(),
+            _ => found.join("; "),
+        };
+        if !report.item("wiring", faults.is_empty(), found) {
+            return Ok(report);
+        }
+    }
+
     let rest = robot.description().rest();
     let start = robot.reset(&rest, &mut stream(seed, Role::Check, 0))?;
     let first_height_m = start.com.position_m[2];
+    // Who senses no forces is held upright: its servos alone need not balance it.
+    let held = task.robot.sensors.as_ref().map(|_| Hold::default());
+    if held.is_some() {
+        robot.hold(held)?;
+    }
     let stand_s = 1.0;
     let ticks = (stand_s / task.robot.control_period_s).ceil() as usize;
     // Over the second half of the time: contacts come and go from tick to tick, on a height field above all.

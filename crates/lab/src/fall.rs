@@ -25,6 +25,9 @@ pub struct FailureConfig {
     pub psi_roll_relative: bool,
     /// A centre of mass below this share of its first height is a fall.
     pub com_height_below: f64,
+    /// A base that is lower than this is a fall; told as a share of the centre of mass's first height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base_below_m: Option<f64>,
     /// A base tilted by more than this is a fall.
     pub tilt_above_deg: f64,
     /// No section for this long is a stall.
@@ -57,6 +60,12 @@ impl FailureConfig {
                 value: height_m / first_com_height_m,
                 threshold: self.com_height_below,
             });
+        }
+        let base_m = state.base.position_m[2];
+        if let Some(least_m) = self.base_below_m.filter(|least_m| base_m < *least_m) {
+            let share = |height_m: f64| height_m / first_com_height_m;
+            let criterion = FallCriterion::Height;
+            return Some(Fall { criterion, value: share(base_m), threshold: share(least_m) });
         }
         (tilt_rad > self.tilt_above_deg.to_radians()).then(|| Fall {
             criterion: FallCriterion::Tilt,
@@ -112,6 +121,7 @@ mod tests {
         psi_roll_below_deg: Some(-5.0),
         psi_roll_relative: true,
         com_height_below: 0.75,
+        base_below_m: None,
         tilt_above_deg: 45.0,
         no_section_s: 2.5,
     };

@@ -1,6 +1,6 @@
 //! Nominal gaits that a task may name.
 
-use stridemap_gait::{Gait, OscillatorGait, ZmpGait};
+use stridemap_gait::{Gait, OscillatorGait, PolicyGait, ZmpGait};
 use stridemap_robot::RobotDescription;
 
 use crate::error::{Invalid, LabError};
@@ -38,6 +38,18 @@ pub fn gaits() -> &'static Registry<GaitPart> {
         about: "four oscillators phase-locked to the robot's centre of pressure (MA09, sec. 2)",
         build: |task, robot| Ok(Box::new(OscillatorGait::new(task.gait.clone(), robot)?)),
     };
+    static ONNX: GaitPart = GaitPart {
+        name: "onnx",
+        about: "a pretrained network that follows a velocity command (gait.policy, or gait.policy_file)",
+        build: |task, robot| {
+            let gait = &task.gait;
+            let policy = gait.policy.clone().ok_or_else(|| {
+                let requirement = "is needed by gait.kind = \"onnx\" (or gait.policy_file, a file that has it)";
+                LabError::Invalid(Invalid { key: "gait.policy".into(), requirement: requirement.into() })
+            })?;
+            Ok(Box::new(PolicyGait::new(policy, gait.clock.clone(), gait.command, robot)?))
+        },
+    };
     static ZMP: GaitPart = GaitPart {
         name: "zmp",
         about: "footsteps, preview control of the centre of mass (Kajita 2003), DCM feedback; parameters in [gait.zmp]",
@@ -47,7 +59,7 @@ pub fn gaits() -> &'static Registry<GaitPart> {
             Ok(Box::new(ZmpGait::new(config, robot)?))
         },
     };
-    static GAITS: Registry<GaitPart> = Registry::new("gait", &[&OSCILLATOR, &ZMP]);
+    static GAITS: Registry<GaitPart> = Registry::new("gait", &[&OSCILLATOR, &ONNX, &ZMP]);
     &GAITS
 }
 

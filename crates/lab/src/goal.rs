@@ -35,11 +35,6 @@ named! {
     Measure, MeasurePart, measures
 }
 
-/// A measure over the stride's time; zero of a stride without any.
-fn rate(m: &StrideMeasures, amount: f64) -> f64 {
-    if m.duration_s > 0.0 { amount / m.duration_s } else { 0.0 }
-}
-
 macro_rules! measure {
     ($name:literal, $about:literal, $of:expr) => {{
         static PART: MeasurePart = MeasurePart { name: $name, about: $about, of: $of };
@@ -50,7 +45,7 @@ macro_rules! measure {
 impl Measure {
     /// Mean power of the joints over the stride.
     pub const POWER_W: Self =
-        Self(measure!("power_w", "Σ |τ ω| of the joints, mean over the stride, W", |m| rate(m, m.energy_j)));
+        Self(measure!("power_w", "Σ |τ ω| of every joint, mean over the stride, W", |m| m.motion.power_w));
 }
 
 /// The registry of measures of a stride.
@@ -59,15 +54,21 @@ pub fn measures() -> &'static Registry<MeasurePart> {
     static MEASURES: Registry<MeasurePart> = Registry::new(
         "measure of a stride",
         &[
-            measure!(
-                "forward_speed_m_s",
-                "speed along the heading with which the stride began, m/s",
-                StrideMeasures::speed_m_s
-            ),
-            measure!("yaw_rate_rad_s", "change of heading over time, rad/s, + to the left", |m| rate(
-                m,
-                m.turn_deg.to_radians()
-            )),
+            measure!("forward_speed_m_s", "speed of the base along its heading, mean over the stride, m/s", |m| m
+                .motion
+                .forward_speed_m_s),
+            measure!("lateral_speed_m_s", "speed of the base to the left of its heading, likewise, m/s", |m| m
+                .motion
+                .lateral_speed_m_s),
+            measure!("yaw_rate_rad_s", "change of heading over time, rad/s, + to the left", |m| m
+                .motion
+                .yaw_rate_rad_s),
+            measure!("mean_roll_rad", "roll of the base, mean over the stride, rad, + to the right", |m| m
+                .motion
+                .mean_roll_rad),
+            measure!("mean_pitch_rad", "pitch of the base, mean over the stride, rad, + forward", |m| m
+                .motion
+                .mean_pitch_rad),
             Measure::POWER_W.0,
             measure!(
                 "heading_deg",
@@ -220,7 +221,7 @@ mod tests {
         assert_eq!(first, again);
         for (i, hold) in [(0, 3), (1, 2)] {
             for k in 1..12 {
-                let kept = first[k][i] == first[k - 1][i];
+                let kept = first[k][i].to_bits() == first[k - 1][i].to_bits();
                 assert_eq!(kept, k % hold != 0, "component {i}, stride {k}");
                 assert!((0.1..0.4).contains(&first[k][i]));
             }

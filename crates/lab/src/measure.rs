@@ -141,6 +141,7 @@ impl StrideMeter {
             peak_foot_load_n: self.peak_foot_load_n,
             posture_deviation_deg: per_elapsed(self.deviation_square_integral_rad2_s).sqrt().to_degrees(),
             cost_of_transport: self.energy_j / (self.mass_kg * GRAVITY_M_S2 * ahead_m.abs().max(LEAST_WAY_M)),
+            ..StrideMeasures::default()
         }
     }
 }

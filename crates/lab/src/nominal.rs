@@ -28,6 +28,7 @@ pub(crate) const DOWN: FailureConfig = FailureConfig {
     psi_roll_below_deg: None,
     psi_roll_relative: false,
     com_height_below: 0.5,
+    base_below_m: None,
     tilt_above_deg: 60.0,
     no_section_s: 10.0,
 };

@@ -15,7 +15,7 @@ const SMALLEST: f64 = 1e-100;
 const MOST: i64 = 100_000;
 
 /// Counts with other bounds than 0 and [`MOST`]: key, least, most.
-const COUNTS: [(&str, i64, i64); 11] = [
+const COUNTS: [(&str, i64, i64); 13] = [
     ("algorithm.iterations", 1, 10_000),
     ("algorithm.strides_at_most", 0, 10_000_000),
     ("caution.proof.attempts", 1, 1_000),
@@ -26,6 +26,8 @@ const COUNTS: [(&str, i64, i64); 11] = [
     ("learner.search.generations", 0, 10_000),
     ("map.starts", 1, 1_000),
     // Which robot it is, from the seed: it counts nothing.
+    ("robot.changes.individual", 0, i64::MAX),
+    ("robot.changes.random", 0, 1),
     ("robot.hardware.individual", 0, i64::MAX),
     ("success.strides_at_most", 0, 10_000_000),
 ];

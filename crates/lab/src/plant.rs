@@ -25,6 +25,7 @@ use stridemap_section::{Crossing, Pendulum, SectionDetector};
 use crate::error::LabError;
 use crate::goal::Goals;
 use crate::measure::{StrideMeter, wrapped_rad};
+use crate::motion::MotionMeter;
 use crate::reward::reward;
 use crate::state::AtSection;
 use crate::truth::TrueWay;
@@ -40,6 +41,7 @@ pub struct Plant {
     law: ActionLaw,
     goals: Goals,
     meter: StrideMeter,
+    motion: MotionMeter,
     counters: PlantCounters,
     at_section: bool,
     first_com_height_m: f64,
@@ -96,6 +98,7 @@ impl Plant {
             law,
             goals,
             meter,
+            motion: MotionMeter::default(),
             counters: PlantCounters::default(),
             at_section: false,
             first_com_height_m: 0.0,
@@ -282,6 +285,10 @@ impl Plant {
         let crossing = self.detector.update(self.robot.state(), phase_rad);
         let pendulum = self.detector.pendulum();
         self.meter.tick(self.robot.state(), pendulum.as_ref(), dt_s);
+        self.motion.tick(self.robot.state(), self.robot.true_state(), dt_s);
+        if crossing.is_some() {
+            self.motion.section(pendulum.map(|p| p.stance));
+        }
         if let (Some(found), Some(log)) = (&crossing, &mut self.log) {
             log.section(found);
         }
@@ -296,26 +303,6 @@ impl Plant {
         }
         self.update_push(stance_before)?;
         Ok(crossing)
-    }
-
-    /// Starts a pending push when the stance changes, and ends one whose time is over.
-    fn update_push(&mut self, stance_before: Option<Side>) -> Result<(), RobotError> {
-        let now_s = self.robot_time_s();
-        if self.push_until_s.is_some_and(|until_s| now_s >= until_s - 1e-9) {
-            self.push_until_s = None;
-            self.push_force_n = None;
-            self.robot.set_push([0.0; 3])?;
-        }
-        let changed = stance_before.is_some() && self.detector.stance() != stance_before;
-        if let (true, Some(push)) = (changed, self.pending_push) {
-            let (sin, cos) = self.robot.state().base.heading_rad().sin_cos();
-            let force_n = [-sin * push.left_n, cos * push.left_n, 0.0];
-            self.robot.set_push(force_n)?;
-            self.pending_push = None;
-            self.push_force_n = Some(force_n);
-            self.push_until_s = Some(now_s + push.duration_s);
-        }
-        Ok(())
     }
 
     /// Runs until the next section, a fall or a stall.
@@ -343,7 +330,10 @@ impl Plant {
     /// What was measured of the stride that ends here.
     fn measured(&self, at_end: Option<&Pendulum>) -> StrideMeasures {
         let phase_rad = at_end.and_then(|p| self.gait.phase_rad(p.stance.other()));
+        let (motion, true_motion) = self.motion.motion();
         StrideMeasures {
+            motion,
+            true_motion,
             gait_phase_deg: phase_rad.map_or(0.0, |phi| wrapped_rad(phi).to_degrees()),
             ..self.meter.measures(self.robot.state(), at_end)
         }
@@ -356,7 +346,7 @@ impl Plant {
 
     fn at_section<'a>(&'a self, measures: &'a StrideMeasures, pendulum: Option<&'a Pendulum>) -> AtSection<'a> {
         let (goals, goal) = (self.goals.config(), self.goals.now());
-        AtSection { measures, robot: self.robot.state(), pendulum, goals, goal }
+        AtSection { measures, robot: self.robot.state(), pendulum, recent: self.motion.recent(), goals, goal }
     }
 
     fn count_end(&mut self, end: StrideEnd, fall: Option<&Fall>, in_stride: bool) {
@@ -387,6 +377,7 @@ impl Plant {
         let start = self.robot.reset(self.gait.rest(), rng)?;
         self.first_com_height_m = start.com.position_m[2];
         self.meter.begin_episode(self.robot.state());
+        self.motion.reset();
         self.in_place = InPlace::default();
         let mut sections = Vec::new();
         let mut strides_since_start_up = 0;
@@ -466,6 +457,7 @@ impl StrideProcess for Plant {
             self.gait.modulate(component.modulation, *value).map_err(world)?;
         }
         self.meter.begin_stride(self.robot.state());
+        self.motion.begin_stride();
         self.true_way.begin_stride(self.robot.true_state());
         self.counters.strides += 1;
         let mut fall = None;

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::goal::Measure;
 use crate::registry::{Part, Registry, named};
 use crate::state::{AtSection, StateComponent};
 
@@ -126,11 +125,46 @@ impl RewardQuantity {
         })
     );
     quantity!(
+        FORWARD_SPEED_M_S,
+        "forward_speed_m_s",
+        "speed of the base along its heading, mean over the stride, m/s",
+        false,
+        RewardOf::Stride(&|at| at.measures.motion.forward_speed_m_s)
+    );
+    quantity!(
+        LATERAL_SPEED_M_S,
+        "lateral_speed_m_s",
+        "speed of the base to the left of its heading, mean over the stride, m/s",
+        false,
+        RewardOf::Stride(&|at| at.measures.motion.lateral_speed_m_s)
+    );
+    quantity!(
+        YAW_RATE_RAD_S,
+        "yaw_rate_rad_s",
+        "change of heading over time, rad/s, + to the left",
+        false,
+        RewardOf::Stride(&|at| at.measures.motion.yaw_rate_rad_s)
+    );
+    quantity!(
+        MEAN_ROLL_RAD,
+        "mean_roll_rad",
+        "roll of the base, mean over the stride, rad, + to the right",
+        false,
+        RewardOf::Stride(&|at| at.measures.motion.mean_roll_rad)
+    );
+    quantity!(
+        MEAN_PITCH_RAD,
+        "mean_pitch_rad",
+        "pitch of the base, mean over the stride, rad, + forward",
+        false,
+        RewardOf::Stride(&|at| at.measures.motion.mean_pitch_rad)
+    );
+    quantity!(
         POWER_W,
         "power_w",
-        "Σ |τ ω| of the joints, mean over the stride, W; give it a negative weight",
+        "Σ |τ ω| of every joint, mean over the stride, W; give it a negative weight",
         false,
-        RewardOf::Stride(&|at| (Measure::POWER_W.of)(at.measures))
+        RewardOf::Stride(&|at| at.measures.motion.power_w)
     );
 }
 
@@ -150,6 +184,11 @@ pub fn rewards() -> &'static Registry<RewardPart> {
             RewardQuantity::POSTURE_DEVIATION_DEG.0,
             RewardQuantity::TURN_DEG.0,
             RewardQuantity::GOAL_SQUARED_ERROR.0,
+            RewardQuantity::FORWARD_SPEED_M_S.0,
+            RewardQuantity::LATERAL_SPEED_M_S.0,
+            RewardQuantity::YAW_RATE_RAD_S.0,
+            RewardQuantity::MEAN_ROLL_RAD.0,
+            RewardQuantity::MEAN_PITCH_RAD.0,
             RewardQuantity::POWER_W.0,
         ],
     );

@@ -87,6 +87,9 @@ impl LoadedTask {
                 }));
             }
         }
+        if let Some(changes) = &mut self.task.robot.changes {
+            changes.individual.get_or_insert(seed);
+        }
         self.resolved = self.task.to_toml()?;
         Ok(self)
     }

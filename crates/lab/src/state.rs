@@ -4,6 +4,7 @@ use stridemap_robot::RobotState;
 use stridemap_section::Pendulum;
 
 use crate::goal::GoalConfig;
+use crate::motion::Recent;
 use crate::registry::{Part, Registry, named};
 use stridemap_record::StrideMeasures;
 
@@ -19,6 +20,8 @@ pub struct AtSection<'a> {
     pub goals: &'a [GoalConfig],
     /// What the stride was asked for, one number a component.
     pub goal: &'a [f64],
+    /// What the last ticks before it showed.
+    pub recent: &'a Recent,
 }
 
 /// A component of the state at the section.
@@ -58,6 +61,21 @@ macro_rules! component {
     };
 }
 
+macro_rules! recent {
+    ($name:literal, $about:literal, $of:expr) => {{
+        static PART: StatePart = StatePart {
+            name: $name,
+            about: $about,
+            invariant: false,
+            of: |at| {
+                let of: fn(&Recent) -> f64 = $of;
+                of(at.recent)
+            },
+        };
+        &PART
+    }};
+}
+
 impl StateComponent {
     component!(PSI_ROLL_DEG, "psi_roll_deg", "`ψ_roll`, deg, + when the mass is inside its foot", false, psi_roll_deg);
     component!(
@@ -90,6 +108,22 @@ impl StateComponent {
         gait_phase_deg
     );
 
+    /// What the last ticks before the section show, for robots whose sensors are noisy: one stride is two steps, and
+    /// nothing is mirrored.
+    const RECENT: [&'static StatePart; 9] = [
+        recent!("recent_roll_rad", "roll of the base, mean over 10 ticks, rad, + to the right", |r| r.attitude[0]),
+        recent!("recent_pitch_rad", "pitch of the base, mean over 10 ticks, rad, + forward", |r| r.attitude[1]),
+        recent!("recent_gyro_x_rad_s", "roll rate of the base, mean over 10 ticks, rad/s", |r| r.attitude[2]),
+        recent!("recent_gyro_y_rad_s", "pitch rate of the base, mean over 10 ticks, rad/s", |r| r.attitude[3]),
+        recent!("recent_gyro_z_rad_s", "yaw rate of the base, mean over 10 ticks, rad/s", |r| r.attitude[4]),
+        recent!("recent_com_ahead_m", "centre of mass ahead of the stance foot, line through 15 ticks, m", |r| r.com_m
+            [0]),
+        recent!("recent_com_left_m", "centre of mass to the left of the stance foot, likewise, m", |r| r.com_m[1]),
+        recent!("recent_forward_m_s", "speed of the base along its heading, slope over 25 ticks, m/s", |r| r.speed_m_s
+            [0]),
+        recent!("recent_lateral_m_s", "speed of the base to its left, likewise, m/s", |r| r.speed_m_s[1]),
+    ];
+
     /// The name used in files, with its unit.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -109,6 +143,15 @@ pub fn states() -> &'static Registry<StatePart> {
             StateComponent::YAW_RATE_DEG_S.0,
             StateComponent::HEADING_DEG.0,
             StateComponent::GAIT_PHASE_DEG.0,
+            StateComponent::RECENT[0],
+            StateComponent::RECENT[1],
+            StateComponent::RECENT[2],
+            StateComponent::RECENT[3],
+            StateComponent::RECENT[4],
+            StateComponent::RECENT[5],
+            StateComponent::RECENT[6],
+            StateComponent::RECENT[7],
+            StateComponent::RECENT[8],
         ],
     );
     &STATES

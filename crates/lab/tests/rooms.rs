@@ -10,7 +10,7 @@ const OLD_CIRCLES: [(&str, &[&str]); 3] = [
     ("gait", &["modulations", "oscillator"]),
     // A task names a learner, and a learner is asked with the task.
     ("lab", &["learner", "task"]),
-    ("mujoco", &["actuators", "binding", "law", "overrides", "robot", "sole", "world"]),
+    ("mujoco", &["actuators", "binding"]),
 ];
 
 fn crates() -> PathBuf {

@@ -7,6 +7,7 @@ use stridemap_robot::{LEG_JOINTS, LegJoint, LegRole, Legs, Side};
 use crate::config::{LegMap, MujocoConfig, no_such_name};
 use crate::engine::{allocation, name_of, own_bodies};
 use crate::error::MujocoError;
+use crate::payload::Parts;
 use crate::per_joint::{PerJoint, RestAngle};
 use crate::{actuators, foreign, world};
 
@@ -45,6 +46,7 @@ pub(crate) struct Given {
     pub kv: Option<f64>,
     pub torque_nm: Option<f64>,
     pub armature: Option<f64>,
+    pub damping: Option<f64>,
 }
 
 impl Given {
@@ -55,6 +57,7 @@ impl Given {
             kv: of(&config.kv_nms_rad),
             torque_nm: of(&config.torque_limit_nm),
             armature: of(&config.armature_kg_m2),
+            damping: of(&config.joint_damping_nms_rad),
         }
     }
 }
@@ -93,8 +96,10 @@ pub(crate) struct Binding {
     pub root_qpos: usize,
     /// Index of the free joint in `qvel`.
     pub root_dof: usize,
-    /// Foot bodies by side.
+    /// Foot bodies by side; the first, where a side has two.
     pub feet: [usize; 2],
+    /// Whether the feet are points, as on a robot of four legs: they say nothing of the base's pitch.
+    pub point_feet: bool,
     /// Where the robot looks in the reference posture, from +x to the left.
     pub heading_rad: f64,
     /// For each geom: the side of the foot that it belongs to.
@@ -107,16 +112,29 @@ impl Binding {
     /// Finds everything that the configuration names.
     pub(crate) fn find(model: &MjModel, config: &MujocoConfig) -> Result<Self, MujocoError> {
         let mut feet = [0; 2];
+        let mut more_feet = Vec::new();
         for side in Side::BOTH {
-            let name = &config.leg(side).foot;
-            if model.name_to_id(MjtObjBase::mjOBJ_BODY, name).is_none() && *config.leg(side) == LegMap::biped(side) {
+            let whole = config.leg(side).foot.as_str();
+            let body = |name: &str| model.name_to_id(MjtObjBase::mjOBJ_BODY, name);
+            let names: Vec<&str> = match body(whole) {
+                Some(_) => vec![whole],
+                None => whole.split(' ').filter(|name| !name.is_empty()).collect(),
+            };
+            if names.iter().all(|name| body(name).is_none()) && *config.leg(side) == LegMap::biped(side) {
                 return Err(not_mapped(model, config, side));
             }
-            feet[side.index()] = model.name_to_id(MjtObjBase::mjOBJ_BODY, name).ok_or_else(|| {
-                let field = format!("{}.foot", side.name());
-                let names = (0..model.nbody() as usize).filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_BODY, id));
-                no_such_name(field, "body", name, names)
-            })?;
+            let find = |name: &str| {
+                body(name).ok_or_else(|| {
+                    let field = format!("{}.foot", side.name());
+                    let names = 0..model.nbody() as usize;
+                    let names = names.filter_map(|id| model.id_to_name(MjtObjBase::mjOBJ_BODY, id));
+                    no_such_name(field, "body", name, names)
+                })
+            };
+            feet[side.index()] = find(names.first().copied().unwrap_or(whole))?;
+            for name in names.iter().skip(1) {
+                more_feet.push((find(name)?, side));
+            }
         }
         let not_a_biped = |reason: String| MujocoError::NotABiped { model: config.model.to_string(), reason };
         if let Some(problem) = world::problem(model) {
@@ -144,8 +162,13 @@ impl Binding {
             let joint = axes.iter().position(|axis| axis.joint == id)?;
             Some(LegRole { joint, sign })
         });
-        let foot_of_geom =
-            (0..model.ngeom() as usize).map(|geom| foot_of(model, model.geom_bodyid()[geom] as usize, feet)).collect();
+        let foot_of_geom = (0..model.ngeom() as usize)
+            .map(|geom| {
+                let body = model.geom_bodyid()[geom] as usize;
+                let more = || more_feet.iter().find(|(foot, _)| *foot == body).map(|(_, side)| side.index() as u8);
+                foot_of(model, body, feet).or_else(more)
+            })
+            .collect();
         let is_floor: Vec<bool> = (0..model.ngeom() as usize)
             .map(|geom| model.body_weldid()[model.geom_bodyid()[geom] as usize] == 0 && collides(model, geom))
             .collect();
@@ -156,6 +179,7 @@ impl Binding {
             root_qpos: model.jnt_qposadr()[root] as usize,
             root_dof: model.jnt_dofadr()[root] as usize,
             feet,
+            point_feet: !more_feet.is_empty(),
             heading_rad: match config.heading_deg {
                 Some(deg) => deg.to_radians(),
                 None => heading_rad(model, &named)?,
@@ -163,6 +187,11 @@ impl Binding {
             foot_of_geom,
             is_floor,
         })
+    }
+
+    /// Where the parts of the robot are.
+    pub(crate) fn parts(&self) -> Parts {
+        Parts { torso: self.torso, feet: self.feet, joints: self.axes.iter().map(|axis| axis.joint).collect() }
     }
 
     /// Geoms of the feet and of the floor.
@@ -258,17 +287,19 @@ fn axes(
         let reference = in_keyframe.unwrap_or(model.qpos0()[qpos]);
         let rest_rad = match role {
             Some((side, joint, sign)) => match config.given_rest_rad(side, joint) {
+                _ if !config.actuators && by_name(config, name).is_some() => by_name(config, name).unwrap_or(reference),
                 Some(given) => sign * given,
                 None => in_keyframe.unwrap_or(sign * config.rest_rad(side, joint)),
             },
-            None if own && hinge => {
-                let given = name.and_then(|name| config.rest_deg.get(name));
-                given.map_or(reference, |angle| angle.of(Side::Left).to_radians())
-            }
+            None if own && hinge => by_name(config, name).unwrap_or(reference),
             None if own && kind == MjtJoint::mjJNT_SLIDE => reference,
             None => continue,
         };
-        let given = role.map(|(_, joint, _)| Given::of(config, joint.name(), name.unwrap_or_default()));
+        let named = name.unwrap_or_default();
+        let given = match role {
+            Some((_, joint, _)) => Some(Given::of(config, joint.name(), named)),
+            None => (hinge && !config.actuators).then(|| Given::of(config, "", named)),
+        };
         let mut axis = axis(model, id, given, rest_rad)?;
         if given.is_none() && axis.actuator.is_some_and(|servo| foreign::is_added(model, servo)) {
             axis.given = held(model, axis.dof);
@@ -289,6 +320,11 @@ fn axes(
     }
     check_names(model, config, &axes, named)?;
     Ok(axes)
+}
+
+/// The rest angle that a file gives a joint by its name in the model.
+fn by_name(config: &MujocoConfig, name: Option<&str>) -> Option<f64> {
+    config.rest_deg.get(name?).map(|angle| angle.of(Side::Left).to_radians())
 }
 
 /// Gains with which a joint beyond the legs is held where its model says none: they follow from its inertia.
@@ -318,7 +354,7 @@ fn check_names(
         hinges.filter_map(|axis| model.id_to_name(MjtObjBase::mjOBJ_JOINT, axis.joint))
     };
     let roles = || named.iter().filter(|(.., at)| at.is_some()).map(|(_, joint, _)| joint.name());
-    let known: Vec<&str> = roles().chain(of(false)).collect();
+    let known: Vec<&str> = roles().chain(of(false)).chain(of(true).filter(|_| !config.actuators)).collect();
     if let Some(name) = config.rest_deg.keys().find(|name| !known.contains(&name.as_str())) {
         let field = format!("rest_deg.{name:?}");
         return Err(no_such_name(field, "leg joint or further hinge", name, known.into_iter()));
@@ -334,6 +370,7 @@ fn check_names(
         ("kv_nms_rad", &config.kv_nms_rad),
         ("torque_limit_nm", &config.torque_limit_nm),
         ("armature_kg_m2", &config.armature_kg_m2),
+        ("joint_damping_nms_rad", &config.joint_damping_nms_rad),
     ];
     let names =
         tables.iter().flat_map(|(field, table)| table.iter().flat_map(PerJoint::names).map(move |n| (field, n)));

@@ -6,9 +6,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{JointDescription, JointLimits, LegJoint, LegRole, Legs, RobotDescription, Side};
 
+use crate::changes::ChangesConfig;
 use crate::error::{MujocoError, check, nearest};
 use crate::hardware::HardwareConfig;
 use crate::per_joint::{PerJoint, RestAngle};
+use crate::sensors::SensorConfig;
 
 /// Where a model comes from.
 ///
@@ -78,7 +80,8 @@ pub struct LegMap {
     /// Joint that rolls the ankle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ankle_roll: Option<String>,
-    /// Body of the foot; bodies below it (toes) count as part of the foot.
+    /// Body of the foot; bodies below it (toes) count as part of the foot. On a robot of four legs the bodies of both feet
+    /// of the side, with a space between them.
     pub foot: String,
 }
 
@@ -96,6 +99,20 @@ impl LegMap {
             ankle_pitch: joint(LegJoint::AnklePitch),
             ankle_roll: joint(LegJoint::AnkleRoll),
             foot: name("foot"),
+        }
+    }
+
+    /// A leg of which only the foot is named.
+    #[must_use]
+    pub fn of_foot(foot: impl Into<String>) -> Self {
+        Self {
+            hip_yaw: None,
+            hip_roll: None,
+            hip_pitch: None,
+            knee: None,
+            ankle_pitch: None,
+            ankle_roll: None,
+            foot: foot.into(),
         }
     }
 
@@ -169,6 +186,9 @@ pub enum Missing {
     FreeJoint,
     /// What it stands on.
     Floor,
+    /// Its meshes: no mesh file is read, and geoms that are meshes are left out. What it weighs is then in its
+    /// `<inertial>` elements or nowhere.
+    Meshes,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref)] // As serde asks for it.
@@ -251,12 +271,25 @@ pub struct MujocoConfig {
     /// the model's reference angle.
     pub rest_deg: BTreeMap<String, RestAngle>,
     /// What the model lacks and gets: `"free_joint"` (on its heaviest tree), `"floor"` (a plane at z = 0). A URDF, which can
-    /// say neither, gets both unasked.
+    /// say neither, gets both unasked. `"meshes"`: nothing in their place.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub add: Vec<Missing>,
     /// Whether parts of the robot other than its feet touch anything.
     #[serde(skip_serializing_if = "is_true")]
     pub body_contacts: bool,
+    /// Whether the model's actuators are used. `false`: every joint is under a PD law of ours, and the tables of gains,
+    /// limits and rotors are those of every joint, each by its name in the model.
+    #[serde(skip_serializing_if = "is_true")]
+    pub actuators: bool,
+    /// Damping of the joints themselves, integrated implicitly and told as part of their torque, >= 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_damping_nms_rad: Option<PerJoint>,
+    /// What the robot senses, and how well; left out: the simulator's truth, or [`estimated`](Self::estimated).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensors: Option<SensorConfig>,
+    /// In what the robot differs from its model: for studies of a controller on another robot than its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub changes: Option<ChangesConfig>,
     /// Whether the state is estimated from what a robot can measure itself, instead of taken from the
     /// simulator.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -290,6 +323,10 @@ impl Default for MujocoConfig {
             rest_deg: BTreeMap::new(),
             add: Vec::new(),
             body_contacts: true,
+            actuators: true,
+            joint_damping_nms_rad: None,
+            sensors: None,
+            changes: None,
             estimated: false,
             hardware: None,
         }
@@ -384,11 +421,17 @@ impl MujocoConfig {
         for (field, numbers) in [("kp_nm_rad", &self.kp_nm_rad), ("torque_limit_nm", &self.torque_limit_nm)] {
             values(numbers).into_iter().try_for_each(|value| positive(field, value))?;
         }
-        for (field, numbers) in [("kv_nms_rad", &self.kv_nms_rad), ("armature_kg_m2", &self.armature_kg_m2)] {
+        for (field, numbers) in [
+            ("kv_nms_rad", &self.kv_nms_rad),
+            ("armature_kg_m2", &self.armature_kg_m2),
+            ("joint_damping_nms_rad", &self.joint_damping_nms_rad),
+        ] {
             values(numbers).into_iter().try_for_each(|value| not_negative(field, value))?;
         }
         self.joint_friction_nm.map_or(Ok(()), |value| not_negative("joint_friction_nm", value))?;
         self.hardware.as_ref().map_or(Ok(()), HardwareConfig::validate)?;
+        self.sensors.as_ref().map_or(Ok(()), SensorConfig::validate)?;
+        self.changes.as_ref().map_or(Ok(()), ChangesConfig::validate)?;
         not_negative("start_joint_noise_deg", self.start_joint_noise_deg)?;
         not_negative("start_velocity_noise_m_s", self.start_velocity_noise_m_s)?;
         for value in self.torso_offset_m {

@@ -103,7 +103,8 @@ pub(crate) fn compile(source: &ModelSource, added: &[Missing]) -> Result<MjModel
         ModelSource::Op3 => MjModel::from_xml_string(OP3_XML).map_err(|e| error(e.to_string())),
         ModelSource::File(path) => {
             // MuJoCo's own message does not tell a missing file from a bad one.
-            std::fs::metadata(path).map_err(|e| error(e.to_string()))?;
+            std::fs::metadata(path)
+                .map_err(|e| error(stridemap_files::fetch_hint(path).unwrap_or_else(|| e.to_string())))?;
             if path.extension().is_some_and(|kind| kind == "mjb") {
                 let bytes = std::fs::read(path).map_err(|e| error(e.to_string()))?;
                 return MjModel::from_buffer(&bytes).map_err(|e| error(e.to_string()));

@@ -39,8 +39,13 @@ pub(crate) fn urdf_files(path: &Path) -> Option<Vec<PathBuf>> {
 pub(crate) fn compile(path: &Path, added: &[Missing]) -> Result<MjModel, String> {
     let text = std::fs::read_to_string(path).map_err(|error| error.to_string())?;
     let urdf = is_urdf(path);
-    let mut spec = if urdf { MjSpec::from_xml_string(&readable(path, &text)?) } else { MjSpec::from_xml(path) }
-        .map_err(|error| error.to_string())?;
+    let bare = added.contains(&Missing::Meshes);
+    let mut spec = match (urdf, bare) {
+        (true, _) => MjSpec::from_xml_string(&readable(path, &text)?),
+        (false, true) => MjSpec::from_xml_string(&without_meshes(&text)?),
+        (false, false) => MjSpec::from_xml(path),
+    }
+    .map_err(|error| error.to_string())?;
     if urdf {
         box_collisions(&mut spec)?;
         servos(&mut spec)?;
@@ -49,7 +54,8 @@ pub(crate) fn compile(path: &Path, added: &[Missing]) -> Result<MjModel, String>
     if urdf || added.contains(&Missing::FreeJoint) {
         free(spec.world_body_mut())?;
     }
-    if urdf || added.contains(&Missing::Floor) {
+    let has_floor = bare && spec.geom_iter().any(|geom| geom.name() == "floor");
+    if (urdf || added.contains(&Missing::Floor)) && !has_floor {
         let floor = spec.world_body_mut().add_geom();
         floor.set_type(MjtGeomBase::mjGEOM_PLANE);
         *floor.size_mut() = [0.0, 0.0, 1.0];
@@ -71,6 +77,20 @@ fn free(world: &mut MjsBody) -> Result<(), String> {
         robot.add_free_joint();
     }
     Ok(())
+}
+
+/// An MJCF's text without its meshes, and without geoms that are meshes.
+fn without_meshes(text: &str) -> Result<String, String> {
+    let document = Document::parse(text).map_err(|error| error.to_string())?;
+    let mut out = text.to_owned();
+    let gone = document.descendants().filter(|node| {
+        node.has_tag_name("geom") && node.attribute("mesh").is_some()
+            || node.has_tag_name("mesh") && node.parent().is_some_and(|parent| parent.has_tag_name("asset"))
+    });
+    let mut gone: Vec<_> = gone.map(|node| node.range()).collect();
+    gone.sort_by_key(|range| std::cmp::Reverse(range.start));
+    gone.into_iter().for_each(|range| out.replace_range(range, ""));
+    Ok(out)
 }
 
 /// A URDF's text as MuJoCo can read it: meshes by absolute paths, elements whose mesh is nowhere left out, what has a picture

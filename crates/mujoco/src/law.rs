@@ -14,6 +14,8 @@ pub(crate) struct Law {
     pub kp: f64,
     /// Damping where the controller names none.
     pub kv: f64,
+    /// Factor on stiffness and damping, whoever names them.
+    pub gain: f64,
     /// Largest torque, either way.
     pub limit: f64,
     /// What is asked of it.
@@ -30,13 +32,14 @@ pub(crate) fn laws(model: &MjModel, config: &MujocoConfig, binding: &Binding) ->
         if axis.of_leg {
             let Given { kp, kv, torque_nm, .. } = axis.given;
             let limit = torque_nm.map_or(own, |limit| limit.min(own));
-            return Law { kp: kp.unwrap_or(0.0), kv: kv.unwrap_or(0.0), limit, asked };
+            return Law { kp: kp.unwrap_or(0.0), kv: kv.unwrap_or(0.0), gain: 1.0, limit, asked };
         }
         // Never stiffer than the legs.
         let inertia = model.dof_m0()[axis.dof];
         Law {
             kp: (inertia * HOLD_RAD_S * HOLD_RAD_S).min(most(&config.kp_nm_rad)),
             kv: (2.0 * inertia * HOLD_RAD_S).min(most(&config.kv_nms_rad)),
+            gain: 1.0,
             limit: own,
             asked,
         }

@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use stridemap_robot::kinematics::about;
 use stridemap_robot::{
-    Body, BodyPoint, EstimatedRobot, Estimator, Hinge, JointTargets, KinematicModel, Machine, MachineDescription, Pose,
-    Robot, RobotError, RobotState, SensorFrame, Shape, check_command,
+    Body, BodyPoint, Estimator, Hinge, JointTargets, KinematicModel, Machine, MachineDescription, Pose, Robot,
+    RobotError, RobotState, SensorFrame, Shape, check_command,
 };
 
 use crate::binding::Binding;
@@ -284,22 +284,4 @@ pub fn estimator(config: &MujocoConfig) -> Result<Estimator, MujocoError> {
     let rest_rad = binding.axes.iter().map(|axis| axis.rest_rad).collect();
     Estimator::new(model, binding.legs, rest_rad)
         .map_err(|e| MujocoError::NotABiped { model: config.model.to_string(), reason: e.to_string() })
-}
-
-impl MujocoConfig {
-    /// Builds the robot: the simulation itself, which knows its state; or, where
-    /// [`estimated`](Self::estimated) or [`hardware`](Self::hardware) ask for it, a simulated machine whose
-    /// state is estimated from its sensors.
-    ///
-    /// # Errors
-    ///
-    /// [`MujocoError`], as [`MujocoRobot::new`] and [`kinematic_model`].
-    pub fn build(&self) -> Result<Box<dyn Robot>, MujocoError> {
-        if !self.estimated && self.hardware.is_none() {
-            return Ok(Box::new(MujocoRobot::new(self.clone())?));
-        }
-        let robot = EstimatedRobot::new(SimulatedMachine::new(self)?, estimator(self)?)
-            .map_err(|e| MujocoError::NotABiped { model: self.model.to_string(), reason: e.to_string() })?;
-        Ok(Box::new(robot))
-    }
 }

@@ -1,12 +1,13 @@
 //! A model with what the user's configuration changes in it.
 
 use mujoco_rs::prelude::{MjData, MjModel};
-use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtIntegrator, MjtJoint, MjtSameFrame};
+use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtIntegrator, MjtJoint};
 
 use crate::binding::{Binding, Drive, Given};
 use crate::config::MujocoConfig;
 use crate::engine::{allocation, own_bodies};
 use crate::error::MujocoError;
+use crate::payload::free_frames;
 
 /// Applies the user's overrides and recomputes what MuJoCo derives from them.
 pub(crate) fn apply(model: &MjModel, config: &MujocoConfig, places: &Binding) -> Result<MjModel, MujocoError> {
@@ -21,7 +22,8 @@ pub(crate) fn apply(model: &MjModel, config: &MujocoConfig, places: &Binding) ->
     if let Some(time_step_s) = config.time_step_s {
         options.timestep = time_step_s;
     }
-    if let Some(friction) = config.friction {
+    let changed = config.changes.as_ref().and_then(|changes| changes.resolved().friction);
+    if let Some(friction) = changed.or(config.friction) {
         let contact_geoms = places.contact_geoms();
         for &geom in &contact_geoms {
             model.geom_friction_mut()[geom][0] = friction;
@@ -54,6 +56,10 @@ pub(crate) fn apply(model: &MjModel, config: &MujocoConfig, places: &Binding) ->
         if let Some(armature) = axis.given.armature {
             model.dof_armature_mut()[axis.dof] = armature;
         }
+        if let Some(damping) = axis.given.damping {
+            model.dof_damping_mut()[axis.dof] = damping;
+            model.opt_mut().integrator = MjtIntegrator::mjINT_IMPLICITFAST as i32;
+        }
     }
     tune_servos(&mut model, places);
     if let Some(friction_nm) = config.joint_friction_nm {
@@ -68,6 +74,9 @@ pub(crate) fn apply(model: &MjModel, config: &MujocoConfig, places: &Binding) ->
     }
     scale_mass(&mut model, config.mass_scale, places.torso);
     shift_torso(&mut model, config.torso_offset_m, places.torso);
+    if let Some(changes) = &config.changes {
+        changes.resolved().load(&mut model, &places.parts())?;
+    }
 
     let mut data = MjData::try_new(Box::new(model)).map_err(allocation)?;
     data.set_const();
@@ -121,15 +130,5 @@ fn shift_torso(model: &mut MjModel, offset_m: [f64; 3], torso: usize) {
     for (position, offset) in model.body_ipos_mut()[torso].iter_mut().zip(offset_m) {
         *position += offset;
     }
-    // Shortcuts for frames that coincide no longer hold: a geom must not move with the mass.
-    model.body_sameframe_mut()[torso] = MjtSameFrame::mjSAMEFRAME_NONE;
-    let on_torso = |bodies: &[i32]| -> Vec<bool> { bodies.iter().map(|&b| b as usize == torso).collect() };
-    let geoms = on_torso(model.geom_bodyid());
-    for (frame, _) in (model.geom_sameframe_mut().iter_mut().zip(geoms)).filter(|(_, own)| *own) {
-        *frame = MjtSameFrame::mjSAMEFRAME_NONE;
-    }
-    let sites = on_torso(model.site_bodyid());
-    for (frame, _) in (model.site_sameframe_mut().iter_mut().zip(sites)).filter(|(_, own)| *own) {
-        *frame = MjtSameFrame::mjSAMEFRAME_NONE;
-    }
+    free_frames(model, torso);
 }

@@ -1,5 +1,6 @@
 //! The simulated robot.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -9,12 +10,13 @@ use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::Distribution;
 use stridemap_robot::{
-    BaseState, CentreOfMass, FootState, JointDescription, JointState, JointTargets, Pose, Robot, RobotDescription,
-    RobotError, RobotState, Shape, Side,
+    BaseState, CentreOfMass, FootState, Hold, JointDescription, JointState, JointTargets, Pose, Robot,
+    RobotDescription, RobotError, RobotState, Shape, Side,
 };
 
 use crate::actuators::{self, Held};
 use crate::binding::{Axis, Binding, Drive};
+use crate::changes::ChangesConfig;
 use crate::config::{MujocoConfig, steps_per_period};
 use crate::engine::{Data, Provenance, allocation, hash, mujoco_version, name_of, take_warning};
 use crate::error::MujocoError;
@@ -24,6 +26,7 @@ use crate::overrides::apply;
 use crate::rotation::{about_y, about_z, inverse, product, to_world, turn};
 use crate::sole::{self, Sole};
 use crate::store::load;
+use crate::strap::Strap;
 
 /// Everything that the engine needs to go on exactly as before.
 const INTEGRATION: u32 = MjtState::mjSTATE_INTEGRATION as u32;
@@ -65,12 +68,16 @@ pub struct MujocoRobot {
     pub(crate) floor_m: f64,
     /// Position servos that drive no joint of their own.
     pub(crate) held: Vec<Held>,
-    description: RobotDescription,
-    steps_per_period: usize,
+    pub(crate) description: RobotDescription,
+    pub(crate) steps_per_period: usize,
     /// PD laws of the joints; those of servos are not used.
-    laws: Vec<Law>,
+    pub(crate) laws: Vec<Law>,
     /// Whether any joint is under a PD law of ours.
     has_laws: bool,
+    /// Physics steps by which commands are late, and the commands that are under way, oldest first.
+    pub(crate) delay_steps: usize,
+    pub(crate) late: VecDeque<JointTargets>,
+    pub(crate) held_by: Option<Strap>,
     /// Inverse of the base's orientation in the reference posture, unless that is the identity.
     base_inverse: Option<[f64; 4]>,
     state: RobotState,
@@ -98,7 +105,12 @@ impl MujocoRobot {
     /// does not have (with the nearest ones), a joint that cannot be driven.
     pub fn new(config: MujocoConfig) -> Result<Self, MujocoError> {
         config.validate()?;
-        let bare = load(&config.model, &config.add)?;
+        let mut bare = load(&config.model, &config.add)?;
+        if !config.actuators {
+            let mut without = (*bare).clone();
+            without.opt_mut().disableactuator = i32::MAX;
+            bare = Arc::new(without);
+        }
         let binding = Binding::find(&bare, &config)?;
         let model = Arc::new(apply(&bare, &config, &binding)?);
         let time_step_s = model.opt().timestep;
@@ -109,7 +121,13 @@ impl MujocoRobot {
         let soles = sole::find(&model, &data, &binding, &name)?;
         let damped = config.kv_nms_rad.is_some();
         let held = actuators::aside(&model, &data, &binding.axes, binding.torso, damped)?;
-        let laws = laws(&model, &config, &binding);
+        let mut laws = laws(&model, &config, &binding);
+        let mut delay_steps = 0;
+        if let Some(changes) = config.changes.as_ref().map(ChangesConfig::resolved) {
+            let factors = changes.gain_factors(&model, &binding.parts())?;
+            laws.iter_mut().zip(factors).for_each(|(law, factor)| law.gain = factor);
+            delay_steps = (changes.action_delay_s.unwrap_or(0.0) / time_step_s).round() as usize;
+        }
         let mass_kg = model.body_subtreemass()[binding.torso];
         let joints = (binding.axes.iter().zip(&laws))
             .map(|(axis, law)| JointDescription {
@@ -133,6 +151,9 @@ impl MujocoRobot {
             steps_per_period,
             has_laws: !binding.axes.iter().all(servo),
             laws,
+            delay_steps,
+            late: VecDeque::new(),
+            held_by: None,
             base_inverse: turned.then(|| product(inverse(q0), about_z(binding.heading_rad))),
             state: RobotState { joints: vec![JointState::default(); binding.axes.len()], ..RobotState::default() },
             periods: 0,
@@ -221,52 +242,6 @@ impl MujocoRobot {
         Ok(())
     }
 
-    /// Refuses targets that the joints cannot take, naming the first.
-    fn check(&self, targets: &JointTargets) -> Result<(), RobotError> {
-        self.description.check(targets)?;
-        for (at, (axis, asked)) in self.binding.axes.iter().zip(&targets.joints).enumerate() {
-            if let (Drive::Servo { .. }, Some(what)) = (axis.drive, asked.beyond_position()) {
-                let joint = self.description.joints[at].name.clone();
-                return Err(RobotError::JointCannot { joint, what });
-            }
-        }
-        Ok(())
-    }
-
-    /// Hands the targets to servos and PD laws.
-    pub(crate) fn command(&mut self, targets: &JointTargets) {
-        let ctrl = self.data.ctrl_mut();
-        let laws = self.laws.iter_mut().zip(&targets.joints);
-        for (axis, (law, asked)) in self.binding.axes.iter().zip(laws) {
-            law.asked = *asked;
-            if let Drive::Servo { ctrl: index, per_rad, offset, .. } = axis.drive {
-                ctrl[index] = per_rad * asked.position_rad + offset;
-            }
-        }
-    }
-
-    /// Computes the torques of our own PD laws from the present angles and rates.
-    fn drive(&mut self) {
-        for (axis, law) in self.binding.axes.iter().zip(&self.laws) {
-            if matches!(axis.drive, Drive::Servo { .. }) {
-                continue;
-            }
-            let asked = &law.asked;
-            let (kp, kd) = (asked.kp.unwrap_or(law.kp), asked.kd.unwrap_or(law.kv));
-            let error = asked.position_rad - self.data.qpos()[axis.qpos];
-            let rate_error = asked.velocity_rad_s - self.data.qvel()[axis.dof];
-            let torque = kp * error + kd * rate_error + asked.torque_nm;
-            let torque = torque.clamp(-law.limit, law.limit);
-            match axis.drive {
-                Drive::Motor { ctrl, ctrl_per_nm } => {
-                    self.data.ctrl_mut()[ctrl] = torque * ctrl_per_nm;
-                }
-                Drive::Applied => self.data.qfrc_applied_mut()[axis.dof] = torque,
-                Drive::Servo { .. } => {}
-            }
-        }
-    }
-
     /// Reads what the last solution of the contacts says: loads, centre of pressure, torques.
     fn read_forces(&mut self) {
         let mut load = [0.0; 2];
@@ -292,9 +267,12 @@ impl MujocoRobot {
         self.state.feet[0].load_n = load[0];
         self.state.feet[1].load_n = load[1];
         self.state.cop_m = (total > 0.0).then(|| moment.map(|m| m / total));
-        let (actuator, applied) = (self.data.qfrc_actuator(), self.data.qfrc_applied());
+        let (actuator, applied, rates) = (self.data.qfrc_actuator(), self.data.qfrc_applied(), self.data.qvel());
         for (joint, axis) in self.state.joints.iter_mut().zip(&self.binding.axes) {
             joint.torque_nm = actuator[axis.dof] + applied[axis.dof];
+            if let Some(damping) = axis.given.damping {
+                joint.torque_nm -= damping * rates[axis.dof];
+            }
         }
     }
 
@@ -370,7 +348,7 @@ impl MujocoRobot {
         }
         self.data.kinematics();
         let mut pitch_rad = 0.0;
-        for side in Side::BOTH {
+        for side in Side::BOTH.into_iter().filter(|_| !self.binding.point_feet) {
             let foot = &self.data.xmat()[self.binding.feet[side.index()]];
             let forward = to_world(foot, self.soles[side.index()].forward);
             pitch_rad += 0.5 * forward[2].atan2(forward[0]);
@@ -399,10 +377,12 @@ impl Robot for MujocoRobot {
     fn reset(&mut self, posture: &JointTargets, rng: &mut ChaCha8Rng) -> Result<&RobotState, RobotError> {
         self.check(posture)?;
         self.data.reset();
+        self.held_by = None;
         self.failure = None;
         self.periods = 0;
         self.state.time_s = 0.0;
         self.command(posture);
+        self.late = std::iter::repeat_n(posture.clone(), self.delay_steps.div_ceil(self.steps_per_period)).collect();
         let angle_noise = noise(self.config.start_joint_noise_deg.to_radians());
         let velocity_noise = noise(self.config.start_velocity_noise_m_s);
         for (axis, law) in self.binding.axes.iter().zip(&self.laws) {
@@ -445,14 +425,23 @@ impl Robot for MujocoRobot {
         if let Some(failure) = &self.failure {
             return Err(failure.clone());
         }
-        self.command(targets);
+        let late = self.delay_steps > 0;
+        if late {
+            self.late.push_back(targets.clone());
+        } else {
+            self.command(targets);
+        }
         let mut start = Instant::now();
         // A step of MuJoCo is step1 (what follows from positions and velocities) and step2 (forces, and the step
         // in time). Each period ends with step1, so that the state read there is that of its end.
         for last in (0..self.steps_per_period).rev() {
+            if late {
+                self.command_late(self.steps_per_period - 1 - last);
+            }
             if self.has_laws {
                 self.drive();
             }
+            self.pull_strap();
             self.data.step2();
             if last == 0 {
                 self.engine += start.elapsed();
@@ -462,6 +451,9 @@ impl Robot for MujocoRobot {
             self.data.step1();
         }
         self.engine += start.elapsed();
+        if late {
+            self.late.pop_front();
+        }
         self.periods += 1;
         if let Some(error) = self.new_warning() {
             self.failure = Some(error.clone());
@@ -476,6 +468,11 @@ impl Robot for MujocoRobot {
             return Err(RobotError::Unsupported { what: "a push that is not finite" });
         }
         self.data.xfrc_applied_mut()[self.binding.torso][..3].copy_from_slice(&force_n);
+        Ok(())
+    }
+
+    fn hold(&mut self, hold: Option<Hold>) -> Result<(), RobotError> {
+        self.strap(hold);
         Ok(())
     }
 

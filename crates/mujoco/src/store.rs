@@ -61,6 +61,9 @@ pub(crate) fn load(source: &ModelSource, added: &[Missing]) -> Result<Arc<MjMode
     // Held while compiling: others that want the same model need not compile it as well.
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     let inputs = match source {
+        ModelSource::File(path) if added.contains(&Missing::Meshes) => {
+            Some(Inputs { candidates: vec![path.clone()], has_assets: false })
+        }
         ModelSource::File(path) => inputs(path),
         ModelSource::Biped | ModelSource::Op3 => Some(Inputs { candidates: Vec::new(), has_assets: false }),
     };
@@ -86,12 +89,7 @@ pub(crate) fn load(source: &ModelSource, added: &[Missing]) -> Result<Arc<MjMode
 
 /// Where entries lie; `None` for a user without a home.
 fn directory() -> Option<PathBuf> {
-    let absolute = |name: &str| {
-        let path = PathBuf::from(std::env::var_os(name)?);
-        path.is_absolute().then_some(path)
-    };
-    let cache = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
-    Some(cache.join("stridemap/models"))
+    Some(stridemap_files::cache_dir()?.join("models"))
 }
 
 fn look(path: &Path) -> Option<Look> {

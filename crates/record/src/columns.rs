@@ -8,11 +8,14 @@ use stridemap_robot::Side;
 
 use crate::error::RecordError;
 use crate::files::read_bytes;
-use crate::stride::{Fall, FallCriterion, StrideMeasures, StridePhase, StrideRole, Transition, side_name};
+use crate::stride::{Fall, FallCriterion, Motion, StrideMeasures, StridePhase, StrideRole, Transition, side_name};
 use crate::table::{Row, Rows, Table};
 
 /// Why a stride was a fall or a stall; empty cells where it was none. Tables of earlier versions lack them.
 const FALL: [&str; 3] = ["fall_criterion", "fall_value", "fall_threshold"];
+
+/// Before the names of how the base moved: as the robot measured it, and as a simulator knows it.
+const MOTION: [&str; 2] = ["stride_", "true_"];
 
 const FIRST: [&str; 7] = ["iteration", "phase", "role", "episode", "k", "time_s", "stance"];
 
@@ -60,8 +63,16 @@ impl Columns {
     pub fn header(&self) -> String {
         let mut columns = self.needed();
         columns.extend(StrideMeasures::COLUMNS.iter().map(|name| (*name).into()));
+        if self.has_motion() {
+            columns.extend(MOTION.iter().flat_map(|of| Motion::NAMES.map(|name| format!("{of}{name}"))));
+        }
         columns.extend(FALL.map(Into::into));
         columns.join(",")
+    }
+
+    /// Whether the tables hold how the base moved: where a task has goals.
+    const fn has_motion(&self) -> bool {
+        !self.goal.is_empty()
     }
 
     /// The header line of `record.csv`.
@@ -90,6 +101,10 @@ impl Columns {
         cells.push(t.end.name().into());
         let measures = t.measures.values().into_iter();
         cells.extend(measures.map(|value| value.to_string()));
+        if self.has_motion() {
+            let motion = [t.measures.motion, t.measures.true_motion];
+            cells.extend(motion.iter().flat_map(Motion::values).map(|value| value.to_string()));
+        }
         cells.extend(t.fall.map_or_else(Default::default, |fall| {
             let (value, threshold) = (fall.value.to_string(), fall.threshold.to_string());
             [fall.criterion.name().into(), value, threshold]
@@ -173,6 +188,13 @@ impl Columns {
                 threshold: row.number(threshold)?,
             })
         });
+        let motion = |of: &str| -> Result<Motion, RecordError> {
+            let mut values = [0.0; 6];
+            for (value, name) in values.iter_mut().zip(Motion::NAMES) {
+                *value = row.optional(&format!("{of}{name}"))?;
+            }
+            Ok(Motion::of(values))
+        };
         Ok(Transition {
             iteration: row.count("iteration")?,
             phase: row.word("phase", &StridePhase::ALL, StridePhase::name)?,
@@ -191,7 +213,14 @@ impl Columns {
             fall: fall.transpose()?,
             true_psi_roll_deg: None,
             true_forward_m: None,
-            measures: StrideMeasures::read(|name| row.optional(name))?,
+            measures: {
+                let [measured, truth] = MOTION;
+                StrideMeasures {
+                    motion: motion(measured)?,
+                    true_motion: motion(truth)?,
+                    ..StrideMeasures::read(|name| row.optional(name))?
+                }
+            },
         })
     }
 }

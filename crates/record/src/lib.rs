@@ -51,7 +51,7 @@ pub use provenance::{Asked, Provenance, key_differences};
 pub use push::{PushOutcome, PushPair};
 pub use return_line::ReturnMapLine;
 pub use run::Run;
-pub use stride::{Fall, FallCriterion, RobotFall, StrideMeasures, StridePhase, StrideRole, Transition};
+pub use stride::{Fall, FallCriterion, Motion, RobotFall, StrideMeasures, StridePhase, StrideRole, Transition};
 pub use summary::{IterationSummary, SecondsSummary, StrideCounts, Summary};
 pub use table::{LARGEST, Rows};
 

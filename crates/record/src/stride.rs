@@ -131,6 +131,12 @@ macro_rules! measures {
         #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
         pub struct StrideMeasures {
             $($(#[$doc])* pub $name: f64,)*
+            /// How the base moved, as the robot measures it.
+            #[serde(default)]
+            pub motion: Motion,
+            /// The same as a simulator knows it; what the robot measures where nobody knows better.
+            #[serde(default)]
+            pub true_motion: Motion,
         }
 
         impl StrideMeasures {
@@ -143,7 +149,7 @@ macro_rules! measures {
 
             /// The measures whose columns hold these numbers.
             pub(crate) fn read<E>(mut number: impl FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
-                Ok(Self { $($name: number(concat!("stride_", stringify!($name)))?,)* })
+                Ok(Self { $($name: number(concat!("stride_", stringify!($name)))?,)* ..Self::default() })
             }
         }
     };
@@ -186,6 +192,49 @@ measures! {
     /// Energy over weight and the way ahead; ways under a centimetre count as one, because in place
     /// it would be infinite.
     cost_of_transport,
+}
+
+/// How the base moved over a stride: means over its time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Speed of the base along its heading.
+    pub forward_speed_m_s: f64,
+    /// Speed of the base to the left of its heading.
+    pub lateral_speed_m_s: f64,
+    /// Change of heading over time, + to the left.
+    pub yaw_rate_rad_s: f64,
+    /// Roll of the base, + to the right.
+    pub mean_roll_rad: f64,
+    /// Pitch of the base, + forward.
+    pub mean_pitch_rad: f64,
+    /// `Σ |τ ω|` over every joint.
+    pub power_w: f64,
+}
+
+impl Motion {
+    /// The names of its numbers.
+    pub const NAMES: [&str; 6] =
+        ["forward_speed_m_s", "lateral_speed_m_s", "yaw_rate_rad_s", "mean_roll_rad", "mean_pitch_rad", "power_w"];
+
+    /// Its numbers, in the order of their names.
+    #[must_use]
+    pub const fn values(&self) -> [f64; 6] {
+        [
+            self.forward_speed_m_s,
+            self.lateral_speed_m_s,
+            self.yaw_rate_rad_s,
+            self.mean_roll_rad,
+            self.mean_pitch_rad,
+            self.power_w,
+        ]
+    }
+
+    /// From its numbers, in the order of their names.
+    #[must_use]
+    pub const fn of(values: [f64; 6]) -> Self {
+        let [forward_speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, mean_roll_rad, mean_pitch_rad, power_w] = values;
+        Self { forward_speed_m_s, lateral_speed_m_s, yaw_rate_rad_s, mean_roll_rad, mean_pitch_rad, power_w }
+    }
 }
 
 impl StrideMeasures {

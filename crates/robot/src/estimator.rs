@@ -13,6 +13,8 @@ use crate::state::{BaseState, CentreOfMass, FootState, RobotState};
 
 /// A foot becomes the one that stands still when it carries more than this share of the load.
 const ANCHOR_SHARE: f64 = 0.6;
+/// Gravity, for the weight on a foot that no sensor feels.
+const GRAVITY_M_S2: f64 = 9.81;
 /// Time constant with which the attitude follows the inertial unit's angles; within it the gyroscope
 /// leads. A noise of 0.2 deg at 125 Hz becomes one of 0.04 deg; a gyroscope that is off by 0.5 deg/s
 /// turns the attitude by 0.05 deg.
@@ -44,6 +46,9 @@ pub struct Estimator {
     state: RobotState,
     angles_rad: Vec<f64>,
     attitude: Option<Attitude>,
+    attitude_filter_s: f64,
+    /// Without force sensors: how much higher the foot that stands must be until the other stands.
+    hysteresis_m: Option<f64>,
 }
 
 /// The attitude and rate at the last reading.
@@ -56,15 +61,15 @@ struct Attitude {
 
 impl Attitude {
     /// The attitude after one more reading.
-    fn next(before: Option<Self>, frame: &SensorFrame) -> Self {
+    fn next(before: Option<Self>, frame: &SensorFrame, filter_s: f64) -> Self {
         let (time_s, rate_rad_s) = (frame.time_s, frame.angular_velocity_rad_s);
         let orientation = match before {
-            Some(before) if time_s > before.time_s => {
+            Some(before) if time_s > before.time_s && filter_s > 0.0 => {
                 let dt_s = time_s - before.time_s;
                 let turned = [0, 1, 2].map(|k| 0.5 * dt_s * (before.rate_rad_s[k] + rate_rad_s[k]));
                 let predicted = product(before.orientation, of_rotation_vector(turned));
                 let error = rotation_vector(product(inverse(predicted), frame.orientation));
-                let share = dt_s / (ATTITUDE_FILTER_S + dt_s);
+                let share = dt_s / (filter_s + dt_s);
                 product(predicted, of_rotation_vector(error.map(|e| share * e)))
             }
             _ => frame.orientation,
@@ -91,7 +96,16 @@ impl Estimator {
             state: RobotState::default(),
             angles_rad: Vec::new(),
             attitude: None,
+            attitude_filter_s: ATTITUDE_FILTER_S,
+            hysteresis_m: None,
         })
+    }
+
+    /// For a robot without force sensors: the lower foot is the one that stands, until it is higher than the other by
+    /// `hysteresis_m`; it carries the whole weight. The attitude is taken as it is told.
+    #[must_use]
+    pub fn without_forces(self, hysteresis_m: f64) -> Self {
+        Self { attitude_filter_s: 0.0, hysteresis_m: Some(hysteresis_m), ..self }
     }
 
     /// The kinematic model.
@@ -128,10 +142,24 @@ impl Estimator {
         }
         self.angles_rad.clear();
         self.angles_rad.extend(frame.joints.iter().map(|j| j.position_rad));
-        let attitude = Attitude::next(self.attitude, frame);
+        let attitude = Attitude::next(self.attitude, frame, self.attitude_filter_s);
         self.attitude = Some(attitude);
         let placed = self.model.place(&self.angles_rad, attitude.orientation);
-        let [left, right] = frame.loads_n.map(|load| load.max(0.0));
+        let loads_n = match self.hysteresis_m {
+            None => frame.loads_n,
+            Some(hysteresis_m) => {
+                let [left_m, right_m] = placed.soles_m.map(|sole| sole[2]);
+                let before = self.anchor.map(|(side, _)| side);
+                let least = if before.is_some() { hysteresis_m } else { 0.0 };
+                let left = match before {
+                    Some(Side::Right) => left_m < right_m - least,
+                    _ => left_m <= right_m + least,
+                };
+                let weight_n = self.model.mass_kg() * GRAVITY_M_S2;
+                if left { [weight_n, 0.0] } else { [0.0, weight_n] }
+            }
+        };
+        let [left, right] = loads_n.map(|load| load.max(0.0));
         let share = (left + right > 0.0).then(|| right / (left + right));
 
         let first = self.anchor.is_none();
@@ -164,7 +192,7 @@ impl Estimator {
         } else {
             [0, 1, 2].map(|k| (com_m[k] - self.state.com.position_m[k]) / dt_s)
         };
-        let feet = [0, 1].map(|i| FootState { centre_m: world(placed.soles_m[i]), load_n: frame.loads_n[i] });
+        let feet = [0, 1].map(|i| FootState { centre_m: world(placed.soles_m[i]), load_n: loads_n[i] });
         let mut joints = std::mem::take(&mut self.state.joints);
         joints.clone_from(&frame.joints);
         self.state = RobotState {
@@ -307,7 +335,7 @@ mod tests {
                 angular_velocity_rad_s: [rate, 0.0, 0.0],
                 ..SensorFrame::default()
             };
-            attitude = Some(Attitude::next(attitude, &frame));
+            attitude = Some(Attitude::next(attitude, &frame, ATTITUDE_FILTER_S));
             let off = rotation_vector(attitude.unwrap().orientation)[0] - rate * time_s;
             if k > 200 {
                 assert!(off.abs().to_degrees() < 1.1 * 0.5 * dt_s / ATTITUDE_FILTER_S, "{off}");

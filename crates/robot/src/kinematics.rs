@@ -50,6 +50,8 @@ pub struct KinematicModel {
     joints: usize,
     bodies: Vec<Body>,
     soles: [BodyPoint; 2],
+    /// Upward normals of the soles in their bodies' frames: level with every joint at zero.
+    up: [Vec3; 2],
 }
 
 /// Where things are for given joint angles, relative to the base's origin, in the world's axes.
@@ -59,6 +61,8 @@ pub struct Placement {
     pub com_m: Vec3,
     /// Centres of the soles, left and right.
     pub soles_m: [Vec3; 2],
+    /// Upward normals of the soles, which are level with every joint at zero and the base upright.
+    pub soles_up: [Vec3; 2],
 }
 
 impl KinematicModel {
@@ -92,7 +96,10 @@ impl KinematicModel {
         if soles.iter().any(|s| s.body >= bodies.len()) {
             return fault("a sole on no body");
         }
-        Ok(Self { joints, bodies, soles })
+        let mut model = Self { joints, bodies, soles, up: [[0.0, 0.0, 1.0]; 2] };
+        let frames = model.frames(&[], [1.0, 0.0, 0.0, 0.0]);
+        model.up = soles.map(|sole| rotate(inverse(frames[sole.body].1), [0.0, 0.0, 1.0]));
+        Ok(model)
     }
 
     /// Joints of the machine.
@@ -134,31 +141,12 @@ impl KinematicModel {
     /// ```
     #[must_use]
     pub fn place(&self, angles_rad: &[f64], base: Quat) -> Placement {
-        let mut frames: Vec<(Vec3, Quat)> = Vec::with_capacity(self.bodies.len());
+        let frames = self.frames(angles_rad, base);
         let (mut com, mut mass) = ([0.0; 3], 0.0);
-        for (i, body) in self.bodies.iter().enumerate() {
-            let (origin, turned) = if i == 0 {
-                ([0.0; 3], normalized(base))
-            } else {
-                let (parent_origin, parent_turned) = frames[body.parent];
-                let at = add(parent_origin, rotate(parent_turned, body.position_m));
-                let rest = product(parent_turned, body.orientation);
-                match body.hinge {
-                    None => (at, rest),
-                    Some(h) => {
-                        let angle = angles_rad.get(h.joint).copied().unwrap_or(0.0);
-                        let turned = product(rest, about(h.axis, angle));
-                        // The anchor stays where it is while the body turns about it.
-                        let before = rotate(rest, h.anchor_m);
-                        let after = rotate(turned, h.anchor_m);
-                        (add(at, [0, 1, 2].map(|k| before[k] - after[k])), turned)
-                    }
-                }
-            };
-            let centre = add(origin, rotate(turned, body.com_m));
+        for (body, (origin, turned)) in self.bodies.iter().zip(&frames) {
+            let centre = add(*origin, rotate(*turned, body.com_m));
             com = [0, 1, 2].map(|k| com[k] + body.mass_kg * centre[k]);
             mass += body.mass_kg;
-            frames.push((origin, turned));
         }
         Placement {
             com_m: com.map(|c| c / mass),
@@ -166,7 +154,34 @@ impl KinematicModel {
                 let (origin, turned) = frames[sole.body];
                 add(origin, rotate(turned, sole.point_m))
             }),
+            soles_up: [0, 1].map(|side| rotate(frames[self.soles[side].body].1, self.up[side])),
         }
+    }
+
+    /// Origin and orientation of every body.
+    fn frames(&self, angles_rad: &[f64], base: Quat) -> Vec<(Vec3, Quat)> {
+        let mut frames: Vec<(Vec3, Quat)> = Vec::with_capacity(self.bodies.len());
+        for (i, body) in self.bodies.iter().enumerate() {
+            if i == 0 {
+                frames.push(([0.0; 3], normalized(base)));
+                continue;
+            }
+            let (parent_origin, parent_turned) = frames[body.parent];
+            let at = add(parent_origin, rotate(parent_turned, body.position_m));
+            let rest = product(parent_turned, body.orientation);
+            frames.push(match body.hinge {
+                None => (at, rest),
+                Some(h) => {
+                    let angle = angles_rad.get(h.joint).copied().unwrap_or(0.0);
+                    let turned = product(rest, about(h.axis, angle));
+                    // The anchor stays where it is while the body turns about it.
+                    let before = rotate(rest, h.anchor_m);
+                    let after = rotate(turned, h.anchor_m);
+                    (add(at, [0, 1, 2].map(|k| before[k] - after[k])), turned)
+                }
+            });
+        }
+        frames
     }
 }
 

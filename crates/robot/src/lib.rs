@@ -29,6 +29,6 @@ pub use legs::{LEG_JOINTS, LegJoint, LegRole, Legs, Side};
 pub use limit::{LimitCounts, hold_to_limits};
 pub use machine::{Machine, MachineDescription, SensorFrame, check_command};
 pub use remote::{AngleUnit, Ros2Config, TighterLimits};
-pub use robot::{JointDescription, JointLimits, Robot, RobotDescription};
+pub use robot::{Hold, JointDescription, JointLimits, Robot, RobotDescription};
 pub use shape::{Pose, Shape, ShapeKind};
 pub use state::{BaseState, CentreOfMass, FootState, JointState, RobotState};

@@ -64,6 +64,17 @@ impl RobotDescription {
     }
 }
 
+/// How a base is held, as by a strap and two hands: softly, near a place and an attitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Hold {
+    /// Attitude relative to that of the last reset: roll, pitch, yaw.
+    pub turned_rad: [f64; 3],
+    /// Height above that of the last reset.
+    pub raised_m: f64,
+    /// Share of the weight that is carried.
+    pub weight_share: f64,
+}
+
 /// A robot: takes joint targets once per control period, answers with its state.
 ///
 /// # Contract
@@ -116,6 +127,15 @@ pub trait Robot: Send {
     /// [`RobotError::Unsupported`] on a robot that cannot push itself (every real one).
     fn set_push(&mut self, _force_n: [f64; 3]) -> Result<(), RobotError> {
         Err(RobotError::Unsupported { what: "pushing the torso" })
+    }
+
+    /// Holds the base from now on, or lets go of it. Let go at reset.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::Unsupported`] on a robot that cannot hold itself (every real one).
+    fn hold(&mut self, _hold: Option<Hold>) -> Result<(), RobotError> {
+        Err(RobotError::Unsupported { what: "holding the base" })
     }
 
     /// Seconds of computing spent in the physics engine alone since the robot was built; `None` for

@@ -1,6 +1,7 @@
 //! How a section is found.
 
 use serde::{Deserialize, Serialize};
+use stridemap_robot::Side;
 
 use crate::event::SectionEvent;
 use crate::pendulum::PendulumBase;
@@ -32,6 +33,10 @@ pub struct SectionConfig {
     /// The gait's phase at a section of its clock, as the stance leg sees it, deg.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub clock_phase_deg: f64,
+    /// Sections of this leg alone, so that a stride is two steps: those of its stance, or with `gait_clock` those of the gait's
+    /// phase as it sees it, whichever leg stands. Left out: of both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leg: Option<Side>,
     /// The foot of the pendulum.
     pub pendulum_base: PendulumBase,
     /// When the stance passes from leg to leg.
@@ -55,6 +60,7 @@ impl Default for SectionConfig {
         Self {
             event: SectionEvent::ROLL_RATE,
             clock_phase_deg: 0.0,
+            leg: None,
             pendulum_base: PendulumBase::StanceFoot,
             stance: StanceConfig { load_share: 0.6 },
             roll_rate_filter_s: 0.01,

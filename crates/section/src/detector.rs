@@ -103,14 +103,17 @@ impl SectionDetector {
         let event = self.config.event;
         let last_load = self.last.map_or(0.5, |last| last.right_load);
         let clock_phase_rad = self.config.clock_phase_deg.to_radians();
-        let look = Look { pendulum: &pendulum, phase_rad: &phase_rad, clock_phase_rad };
+        // With a leg of its own the gait's phase is that leg's, whichever stands.
+        let clock_of = self.config.leg.filter(|_| event.kind == Scalar::Angle);
+        let phase = |side: Side| phase_rad(clock_of.unwrap_or(side));
+        let look = Look { pendulum: &pendulum, phase_rad: &phase, clock_phase_rad };
         let mut now = Sample {
             time_s: state.time_s,
             pendulum,
             scalar: (event.scalar)(&look)?,
             right_load: state.right_load_fraction().unwrap_or(last_load),
         };
-        let before = self.last.filter(|sample| sample.pendulum.stance == stance);
+        let before = self.last.filter(|sample| sample.pendulum.stance == stance || clock_of.is_some());
         let Some(before) = before else {
             self.crossed_in_this_stance = false;
             let other_foot = self.last.replace(now);
@@ -135,18 +138,22 @@ impl SectionDetector {
         self.last = Some(now);
         let r1 = now.scalar;
         let jumped = event.kind == Scalar::Angle && r1 - r0 > PI;
-        if self.crossed_in_this_stance || jumped || !(r0 < 0.0 && r1 >= 0.0) {
+        if (self.crossed_in_this_stance && clock_of.is_none()) || jumped || !(r0 < 0.0 && r1 >= 0.0) {
             return None;
         }
         let s = r0 / (r0 - r1);
-        let there = before.pendulum.interpolate(&pendulum, s);
+        let there = match before.pendulum.stance == stance {
+            true => before.pendulum.interpolate(&pendulum, s),
+            false => pendulum,
+        };
         self.crossing(before.time_s + s * dt_s, there)
     }
 
     /// A section, unless it comes too soon after the last.
     fn crossing(&mut self, time_s: f64, pendulum: Pendulum) -> Option<Crossing> {
         let too_soon = |last_s: f64| time_s - last_s < self.config.refractory_s;
-        if self.last_crossing_s.is_some_and(too_soon) {
+        let other_leg = |leg: Side| leg != pendulum.stance && self.config.event.kind != Scalar::Angle;
+        if self.last_crossing_s.is_some_and(too_soon) || self.config.leg.is_some_and(other_leg) {
             return None;
         }
         self.crossed_in_this_stance = true;

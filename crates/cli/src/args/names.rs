@@ -7,6 +7,32 @@ use clap::ValueEnum;
 pub enum BenchOf {
     /// Public robots.
     Robots,
+    /// How pretrained networks walk, raw.
+    Walk,
+    /// Whether faults of the wiring are named before anything is learned.
+    Preflight,
+}
+
+/// A robot whose pretrained networks and model can be fetched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FetchedRobot {
+    /// Unitree G1, 29 joints.
+    G1,
+    /// Booster T1, 29 joints.
+    T1,
+    /// Unitree Go2, a quadruped.
+    Go2,
+}
+
+impl FetchedRobot {
+    /// The name of its folder in the cache.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::G1 => "g1",
+            Self::T1 => "t1",
+            Self::Go2 => "go2",
+        }
+    }
 }
 
 /// A robot on the command line.
