@@ -1,5 +1,6 @@
 """Every Python block of docs/python.md runs, in order."""
 
+import json
 import re
 from pathlib import Path
 
@@ -22,3 +23,17 @@ def test_links_of_the_docs_lead_somewhere(root: Path):
     text = (root / "docs/python.md").read_text()
     for link in re.findall(r"\]\(([^)]+)\)", text):
         assert (root / "docs" / link).exists(), link
+
+
+def test_the_notebook_runs_from_the_start_to_its_report(
+    root: Path, small: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Its cells as they stand, but for the settings."""
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((root / "python/examples/stepping.ipynb").read_text())
+    names: dict[str, object] = {}
+    for i, cell in enumerate(notebook["cells"]):
+        if cell["cell_type"] == "code":
+            source = "".join(cell["source"]).replace("SETTINGS = {}", f"SETTINGS = {small!r}")
+            exec(compile(source, f"stepping.ipynb, cell {i}", "exec"), names)  # noqa: S102
+    assert (tmp_path / "runs/notebook/report.html").exists()

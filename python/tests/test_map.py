@@ -29,9 +29,10 @@ def test_predictions_are_rusts_own_to_the_bit(run: stridemap.Run, map: stridemap
     """`figures/data/map-1.csv` is what Rust wrote of the same map."""
     with open(run.path / "figures/data/map-1.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    name = run.task.state_names[0]
-    x = np.array([[float(row[n]) for n in run.task.state_names] for row in rows])
-    u = np.array([[float(row[n]) for n in run.task.action_names] for row in rows])
+    states, actions = run.task.state_names, run.task.action_names
+    name = states[0]
+    x = np.array([[float(row[n]) for n in states] for row in rows])
+    u = np.array([[float(row[n]) for n in actions] for row in rows])
     mean, covariance = map.predict(x, u)
     assert np.array_equal(mean[:, 0], [float(row[f"mean_{name}"]) for row in rows])
     assert np.array_equal(np.sqrt(covariance[:, 0, 0]), [float(row[f"latent_std_{name}"]) for row in rows])
