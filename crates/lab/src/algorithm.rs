@@ -9,7 +9,9 @@
 //! Each verb starts the robot afresh and draws from a random stream of its own, so that a run that
 //! was killed goes on from its last finished phase and ends with the same bytes.
 
+mod goals;
 mod measured;
+mod prior;
 
 use std::cell::Cell;
 use std::time::Instant;
@@ -105,6 +107,7 @@ impl<'a> Algorithm<'a> {
         if let Some(nominal) = &self.progress.nominal {
             self.task.failure.refuse_price(nominal.mean_reward)?;
         }
+        self.take_prior()?;
         loop {
             let (begun, improved) = (self.progress.iterations.len(), self.progress.policies.len());
             if improved < begun && !self.task.learner.kind.uses_map() {
@@ -251,17 +254,13 @@ impl<'a> Algorithm<'a> {
     /// As [`Self::learn`].
     pub fn collect(&mut self, recorder: &mut dyn Recorder) -> Result<(), LabError> {
         let index = self.progress.iterations.len();
-        let counts = &self.task.collect.strides;
         let batch = Batch {
             iteration: index + 1,
             phase: StridePhase::Collect,
             role: StrideRole::Training,
-            strides: if self.task.learner.kind.explores() {
-                counts.get(index).or(counts.last()).copied().unwrap_or(0)
-            } else {
-                0
-            },
+            strides: if self.task.learner.kind.explores() { self.batch_strides(index) } else { 0 },
         };
+        let batch = self.within_budget(batch);
         let policy = self.progress.best_policy().cloned();
         let filming = self.film(index == 0 && batch.strides > 0, false);
         let collected = match (policy, self.task.collect.until_error) {
@@ -305,6 +304,9 @@ impl<'a> Algorithm<'a> {
         /// Parts of a batch in parts draw from streams far above those of any iteration.
         const PARTS: u32 = 32;
         let index = (batch.iteration as u64 - 1) | (part << PARTS);
+        if self.task.learner.kind.follows_goals() {
+            return self.explore_about_goals(policy, batch, index, recorder);
+        }
         match (&self.task.caution, policy) {
             (Some(caution), None) => self.explore_under_guard(caution, batch, index, recorder),
             _ => self.strides_on_robot(policy, batch, None, (Role::Collect, index), recorder),

@@ -12,12 +12,13 @@ pub use crate::task::Written;
 use crate::task::{COMPONENTS, Task};
 
 /// Name and text of every built-in task.
-pub const TASKS: [(&str, &str); 16] = [
+pub const TASKS: [(&str, &str); 17] = [
     ("stepping", include_str!("../../../experiments/stepping.toml")),
     ("stepping-auto", include_str!("../../../experiments/stepping-auto.toml")),
     ("stepping-paper", include_str!("../../../experiments/stepping-paper.toml")),
     ("walking", include_str!("../../../experiments/walking.toml")),
     ("walking-auto", include_str!("../../../experiments/walking-auto.toml")),
+    ("walking-goals", include_str!("../../../experiments/walking-goals.toml")),
     ("walking-single", include_str!("../../../experiments/walking-single.toml")),
     ("walking-paper", include_str!("../../../experiments/walking-paper.toml")),
     ("small-stepping", include_str!("../../../experiments/small-stepping.toml")),

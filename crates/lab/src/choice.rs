@@ -42,7 +42,8 @@ impl Progress {
         match (&iteration.proof, &iteration.evaluation) {
             (Some(proof), _) => proof.is_proven(),
             (None, Some(evaluation)) => self.nominal.is_none_or(|n| evaluation.beats(&n, 0.0)),
-            (None, None) => false,
+            // What follows goals is measured and not tried: the newest is the best.
+            (None, None) => iteration.record.is_some_and(|r| r.random_goals.is_some()),
         }
     }
 
@@ -51,7 +52,7 @@ impl Progress {
         match (&a.proof, &b.proof, &a.evaluation, &b.evaluation) {
             (Some(a), Some(b), _, _) => a.speed_m_s > b.speed_m_s,
             (_, _, Some(a), Some(b)) => a.beats(b, 0.0),
-            _ => false,
+            _ => i > than,
         }
     }
 

@@ -152,7 +152,11 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     plant.observe(Some(Box::new(Watch(own, Arc::clone(&seen)))));
     let limits = task.action_limits()?;
     let ranges = limits.iter().map(|l| ExploreRange { center: [l.neutral; 2], std: 0.0 }).collect();
-    let source = ActionSource::Explore(Exploration { ranges, hold: 1 });
+    let raw = task.nominal_policy()?;
+    let source = match task.goal.is_empty() {
+        true => ActionSource::Explore(Exploration { ranges, hold: 1 }),
+        false => ActionSource::Mean(&raw),
+    };
     let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: 1000 };
     let made = drive(
         &mut plant,

@@ -1,7 +1,9 @@
 //! What a run has come to, and who writes it down.
 
+use std::sync::Arc;
+
 use stridemap_learn::{SavedPolicy, TrialSummary};
-use stridemap_map::LearnedMap;
+use stridemap_map::{GoalMap, LearnedMap};
 use stridemap_record::{InPlace, Iteration, Pace, Performance, Phase, Recording, RobotFall, Seconds, Transition};
 
 use crate::error::LabError;
@@ -29,6 +31,8 @@ pub struct Progress {
     pub seconds: Seconds,
     /// Time spent in all, files and figures' data included.
     pub total_seconds: f64,
+    /// A map of goals from elsewhere, where the task names a prior.
+    pub prior: Option<Arc<GoalMap>>,
 }
 
 impl Progress {

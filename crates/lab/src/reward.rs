@@ -160,6 +160,16 @@ impl RewardQuantity {
         RewardOf::Stride(&|at| at.measures.motion.mean_pitch_rad)
     );
     quantity!(
+        LEAN_SQUARED,
+        "lean_squared",
+        "−((roll / 0.1)² + (pitch / 0.1)²) of the base, means over the stride, rad",
+        false,
+        RewardOf::Stride(&|at| {
+            let m = &at.measures.motion;
+            -100.0 * (m.mean_roll_rad.powi(2) + m.mean_pitch_rad.powi(2))
+        })
+    );
+    quantity!(
         POWER_W,
         "power_w",
         "Σ |τ ω| of every joint, mean over the stride, W; give it a negative weight",
@@ -189,6 +199,7 @@ pub fn rewards() -> &'static Registry<RewardPart> {
             RewardQuantity::YAW_RATE_RAD_S.0,
             RewardQuantity::MEAN_ROLL_RAD.0,
             RewardQuantity::MEAN_PITCH_RAD.0,
+            RewardQuantity::LEAN_SQUARED.0,
             RewardQuantity::POWER_W.0,
         ],
     );

@@ -32,6 +32,10 @@ pub enum Role {
     Check = 9,
     /// Generations of an evolution strategy on the robot.
     RobotSearch = 10,
+    /// Goals by which policies are measured.
+    Goals = 11,
+    /// Strides in simulation that come before those of the robot.
+    Prior = 12,
 }
 
 /// A generator in a state that it was in before.

@@ -4,12 +4,14 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
-use stridemap_learn::Policy;
+use stridemap_learn::{Acting, Policy, Seen};
 use stridemap_process::{Action, ActionLimits, Actor, Made, Next, Situation, StrideEnd, roll_out};
 use stridemap_record::Transition;
 use stridemap_robot::Side;
 
+use crate::dither::{Dither, Dithering};
 use crate::error::LabError;
+use crate::goal::{MeasurePart, measures};
 use crate::plant::{Batch, Plant};
 
 /// How the first batch explores a component: every `collect.explore.hold` strides a centre is drawn, uniform in `center`; the
@@ -78,6 +80,8 @@ pub enum ActionSource<'a> {
     Mean(&'a dyn Policy),
     /// Integral action, of tasks with one action.
     Integral(IntegralAction),
+    /// A policy that follows goals, with noise about it.
+    About(&'a dyn Policy, Dither),
 }
 
 /// Acts on the robot, stride by stride, and sees how each one ended.
@@ -97,11 +101,25 @@ pub(crate) struct Source<'a> {
     source: &'a ActionSource<'a>,
     center: Vec<f64>,
     strides_at_center: usize,
+    /// A policy that remembers, and the measures that it wants to see.
+    acting: Option<Box<dyn Acting>>,
+    wants: Vec<Option<&'static MeasurePart>>,
+    dithering: Dithering,
 }
 
 impl<'a> Source<'a> {
     pub(crate) fn new(source: &'a ActionSource<'a>) -> Self {
-        Self { source, center: Vec::new(), strides_at_center: 0 }
+        let policy = match source {
+            ActionSource::Mean(policy) | ActionSource::About(policy, _) => Some(*policy),
+            _ => None,
+        };
+        let wants = policy.map_or_else(Vec::new, |p| p.measures().iter().map(|name| measures().find(name)).collect());
+        let acting = policy.and_then(Policy::acting);
+        Self { source, center: Vec::new(), strides_at_center: 0, acting, wants, dithering: Dithering::default() }
+    }
+
+    fn ask(&mut self, policy: &dyn Policy, at: &Situation) -> Action {
+        self.acting.as_mut().map_or_else(|| policy.mean(at), |acting| acting.act(at))
     }
 }
 
@@ -112,7 +130,11 @@ impl Act for Source<'_> {
             std * z
         };
         match self.source {
-            ActionSource::Mean(policy) => policy.mean(at),
+            ActionSource::Mean(policy) => self.ask(*policy, at),
+            ActionSource::About(policy, dither) => {
+                let asked = self.ask(*policy, at);
+                self.dithering.about(&asked, dither, rng)
+            }
             ActionSource::Integral(law) => {
                 let next = law.next(self.center.first().copied(), &at.state);
                 self.center = vec![next];
@@ -132,6 +154,19 @@ impl Act for Source<'_> {
                 explored.map(|(center, range)| center + normal(range.std, rng)).collect()
             }
         }
+    }
+
+    fn saw(&mut self, t: &Transition) -> Next {
+        let fell = t.end != StrideEnd::Crossing;
+        if let Some(acting) = &mut self.acting {
+            let measured = self.wants.iter().map(|wanted| wanted.map_or(0.0, |part| (part.of)(&t.measures)));
+            let measures: Vec<f64> = measured.collect();
+            acting.saw(&Seen { state: &t.state, action: &t.action, goal: &t.goal, measures: &measures, fell });
+        }
+        if fell {
+            self.dithering.fell();
+        }
+        Next::Go
     }
 }
 

@@ -57,6 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         state_range: vec![[-10.0, 10.0]; 3],
         start: MapStart::Data,
         start_range: vec![[-1.0, 1.0]; 3],
+        prior: None,
     };
     let bounds = &gait.spec().action[0];
     let (lower, upper) = (bounds.lower, bounds.upper);

@@ -87,6 +87,10 @@ pub struct MapConfig {
     pub start: MapStart,
     /// `[lowest, highest]` per component of the state, for [`MapStart::Uniform`] and for figures.
     pub start_range: Vec<[f64; 2]>,
+    /// What is known before the robot's first stride, in tasks with goals: `"simulate"` (strides on the robot without its
+    /// changes come first, free), or the directory of a run that learned a map of goals. Left out: nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<String>,
 }
 
 fn is_exact(kind: &RegressorKind) -> bool {

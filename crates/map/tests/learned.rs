@@ -63,6 +63,7 @@ fn map_of(heading: f64, mean: Mean, actions: f64) -> Result<LearnedMap, MapError
         state_range: vec![[-10.0, 10.0], [-1e4, 1e4]],
         start: MapStart::Data,
         start_range: vec![[-1.0, 1.0], [-5.0, 5.0]],
+        prior: None,
     };
     let world = MapWorld {
         spec: ProcessSpec {

@@ -49,6 +49,7 @@ fn fitted(regressor: RegressorKind, strides: usize, mean: Mean) -> LearnedMap {
         state_range: vec![[-10.0, 10.0]],
         start: MapStart::Data,
         start_range: vec![[-1.0, 1.0]],
+        prior: None,
     };
     let world = MapWorld {
         spec: ProcessSpec {

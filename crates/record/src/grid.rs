@@ -12,6 +12,8 @@ use crate::table::Table;
 
 /// Points along an axis of a one-dimensional grid.
 const LINE: usize = 121;
+/// The same of a policy that plans, which takes its time.
+const PLANNED: usize = 11;
 /// Points along each axis of a grid of a state and an action.
 const PLANE: usize = 41;
 
@@ -58,7 +60,8 @@ pub fn policy_table(policy: &SavedPolicy, ranges: &[[f64; 2]]) -> String {
     let middle: Vec<f64> = ranges.iter().map(|[low, high]| 0.5 * (low + high)).collect();
     for (along, range) in ranges.iter().enumerate() {
         let [low, high] = widened(*range);
-        for value in axis(low, high, LINE) {
+        let points = if matches!(policy, SavedPolicy::GoalPlanner(_)) { PLANNED } else { LINE };
+        for value in axis(low, high, points) {
             let mut state = middle.clone();
             state[along] = value;
             let _ = write!(text, "{along}");

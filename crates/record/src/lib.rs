@@ -13,6 +13,7 @@
 //! let columns = Columns {
 //!     state: vec!["psi_roll_deg".into()],
 //!     action: vec!["step_amplitude_deg".into()],
+//!     ..Columns::default()
 //! };
 //! assert!(columns.header().starts_with(
 //!     "iteration,phase,role,episode,k,time_s,stance,\
@@ -24,6 +25,7 @@ mod columns;
 mod error;
 mod events;
 pub mod files;
+mod goals;
 pub mod grid;
 mod iteration;
 mod learning;
@@ -43,6 +45,7 @@ pub use events::{
     EPISODE_BEGUN, EVENTS, EVENTS_HEADER, EpisodeStart, FELL_IN_START, Stop, append_event, episode_starts, event_line,
     falls_in_starts,
 };
+pub use goals::{RandomGoals, Straightness, Sweep, SweepAxis};
 pub use iteration::{Checkpoint, GuardWarning, InPlace, Iteration, Phase, Proof, Region, Seconds, Verdict, Warning};
 pub use learning::{LearningRow, World};
 pub use measured::{ComparePoint, Measured, Performance, Spread, Walk, WalkTimes};

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_process::StrideEnd;
 
+use crate::goals::{RandomGoals, Straightness, Sweep};
 use crate::return_line::ReturnMapLine;
 use crate::stride::Transition;
 
@@ -35,6 +36,15 @@ pub struct Performance {
     /// Return map k to k + 2, likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_map_2: Option<ReturnMapLine>,
+    /// How goals drawn at random were followed, in tasks with goals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_goals: Option<RandomGoals>,
+    /// How one axis after the other was followed, of the nominal gait and the final policy.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep: Option<Sweep>,
+    /// A straight walk, likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub straightness: Option<Straightness>,
 }
 
 impl Performance {
@@ -69,6 +79,9 @@ impl Performance {
             walk: None,
             return_map_1: ReturnMapLine::of(transitions, 1),
             return_map_2: ReturnMapLine::of(transitions, 2),
+            random_goals: None,
+            sweep: None,
+            straightness: None,
         }
     }
 
@@ -84,7 +97,8 @@ impl Performance {
 
 impl Performance {
     /// Whether this is better than `other`: fewer falls and stalls per stride; with as many, a mean reward that
-    /// is higher by more than so many standard errors of the difference (as if strides were independent).
+    /// is higher by more than so many standard errors of the difference (as if strides were independent). Where both followed
+    /// random goals, fewer falls and then the lower cost.
     ///
     /// # Example
     ///
@@ -107,6 +121,10 @@ impl Performance {
     /// ```
     #[must_use]
     pub fn beats(&self, other: &Self, standard_errors: f64) -> bool {
+        if let (Some(own), Some(others)) = (&self.random_goals, &other.random_goals) {
+            // The same goals were asked of both: what they cost is compared as it is.
+            return own.falls < others.falls || (own.falls == others.falls && own.cost < others.cost);
+        }
         // a / n against b / m, without dividing by nothing.
         let failures = |p: &Self, q: &Self| (p.falls + p.stalls) * q.strides.max(1);
         let variance = |p: &Self| p.reward_sd.unwrap_or(0.0).powi(2) / p.strides.max(1) as f64;

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_process::StrideEnd;
 
+use crate::goals::RandomGoals;
 use crate::iteration::{GuardWarning, Proof, Region, Seconds};
 use crate::measured::Measured;
 use crate::stride::{RobotFall, StridePhase, StrideRole, Transition};
@@ -46,6 +47,9 @@ pub struct IterationSummary {
     /// The policy as measured to be final, if that did not beat the nominal gait; left out otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rejected: Option<Measured>,
+    /// How goals drawn at random were followed by the policy measured to report; left out where a task has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_goals: Option<RandomGoals>,
     /// Forward speed of the policy measured to report; null where the task does not measure it.
     pub speed_m_s: Option<f64>,
     /// Time upright of the policy measured to report; left out where the task does not measure it.

@@ -157,6 +157,9 @@ pub fn compare(name: &str, seeds: u64, without_map: bool, out: Option<&Path>, co
     if (without_map || task.robot.estimated) && can_steer(&task) {
         return controls(&task, &task_of, seeds, out, common);
     }
+    if !task.goal.is_empty() {
+        return super::goals::compare(&task_of, seeds, out, common);
+    }
     if task.caution.is_some() {
         return super::learners::compare(&task_of, seeds, out, common);
     }

@@ -204,9 +204,10 @@ fn show(task: &Task, summary: &Summary, path: &Path, json: bool) -> Result<(), F
     let falls: usize = summary.iterations.iter().map(|i| i.falls).sum();
     output::line(format!("{} (seed {})", task.name, summary.seed));
     let row = |name: &str, p: &Performance| {
-        let gain = match p.walk {
-            Some(walk) => format!("{:.3} m/s   upright {:.0} s", walk.speed_m_s, walk.upright_s),
-            None => format!("reward {:+.4}", p.mean_reward),
+        let gain = match (p.random_goals, p.walk) {
+            (Some(goals), _) => format!("J {:.2} on random goals", goals.cost),
+            (None, Some(walk)) => format!("{:.3} m/s   upright {:.0} s", walk.speed_m_s, walk.upright_s),
+            (None, None) => format!("reward {:+.4}", p.mean_reward),
         };
         output::line(format!(
             "  {name:<8} {gain}   {}   {} falls in {} strides made to report",

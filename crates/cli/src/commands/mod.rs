@@ -7,6 +7,7 @@ pub mod bring_up;
 pub mod compare;
 pub mod fetch;
 pub mod from_log;
+pub mod goals;
 pub mod learn;
 pub mod learners;
 pub mod linked;

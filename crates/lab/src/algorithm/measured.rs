@@ -38,6 +38,9 @@ impl Algorithm<'_> {
         stream_index: u64,
         recorder: &mut dyn Recorder,
     ) -> Result<Performance, LabError> {
+        if !self.task.goal.is_empty() {
+            return self.measure_on_goals(policy, what, strides, stream_index, recorder);
+        }
         let discard = self.task.record.discard;
         let batch = Batch {
             iteration: self.progress.policies.len(),

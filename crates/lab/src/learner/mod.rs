@@ -5,19 +5,24 @@ mod actor_critic;
 mod bayes_opt;
 mod cma_es;
 mod constant;
+mod goals;
 mod in_map;
 mod integral;
 mod linear;
 mod search;
 
+use std::sync::Arc;
+
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_gp::Mean;
 use stridemap_learn::{ConstantPolicy, Learner, SavedPolicy, TrialSummary};
-use stridemap_map::LearnedMap;
+use stridemap_map::{GoalMap, LearnedMap};
 use stridemap_process::{ActionLimits, ProcessSpec, StrideEnd, StrideProcess};
 
 pub(crate) use actor_critic::network;
+pub use goals::GoalLearning;
+pub(crate) use goals::goal_map;
 pub use integral::IntegralConfig;
 pub use search::SearchSettings;
 
@@ -51,6 +56,30 @@ pub trait LearnerPart: Part {
     /// Whether it searches within a trust region, so that the task needs a `[caution]` section.
     fn needs_caution(&self) -> bool {
         true
+    }
+
+    /// Whether it follows goals: the task needs some then, and its strides are explored about them.
+    fn follows_goals(&self) -> bool {
+        false
+    }
+
+    /// Whether it explores and chooses the constants of the robot, in tasks with goals.
+    fn moves_constants(&self) -> bool {
+        true
+    }
+
+    /// Whether strides are explored about its policy, in tasks with goals.
+    fn dithers(&self) -> bool {
+        true
+    }
+
+    /// The policy of the first batch, in tasks with goals; `None`: it explores about the raw command.
+    ///
+    /// # Errors
+    ///
+    /// As [`propose`](Self::propose).
+    fn first_policy(&self, _known: &Known<'_>) -> Result<Option<SavedPolicy>, LabError> {
+        Ok(None)
     }
 
     /// Checks the task's keys that are its own.
@@ -131,6 +160,15 @@ pub fn learners() -> &'static Registry<dyn LearnerPart> {
             &in_map::BAYES_POLICY_GRADIENT,
             &in_map::PATHWISE,
             &in_map::CEM,
+            &goals::Planning::MAP,
+            &goals::Affine,
+            &goals::Planning::COMMANDS,
+            &goals::Planning::LINEAR,
+            &goals::Planning::STATELESS,
+            &goals::Raw,
+            &goals::Integral,
+            &goals::Inverse,
+            &goals::Constants,
         ],
     );
     &LEARNERS
@@ -143,6 +181,18 @@ impl LearnerKind {
     pub const SEARCH: Self = Self(&search::InMap);
     /// Without a map: integral action.
     pub const INTEGRAL: Self = Self(&integral::Held);
+    /// Planning in the map of goals, and what stands beside it: affine laws from the same map, then the controls.
+    pub const GOALS: [Self; 9] = [
+        Self(&goals::Planning::MAP),
+        Self(&goals::Affine),
+        Self(&goals::Planning::COMMANDS),
+        Self(&goals::Raw),
+        Self(&goals::Integral),
+        Self(&goals::Inverse),
+        Self(&goals::Planning::LINEAR),
+        Self(&goals::Planning::STATELESS),
+        Self(&goals::Constants),
+    ];
     /// The controls, which use no map of the robot's state.
     pub const CONTROLS: [Self; 4] =
         [Self(&constant::Grown), Self(&linear::Corner), Self(&bayes_opt::OnRobot), Self(&cma_es::OnRobot)];
@@ -245,6 +295,15 @@ impl<'a> Known<'a> {
             (Some(caution), Some(region)) => Ok((caution, region)),
             _ => invalid("caution", "is needed by this learner"),
         }
+    }
+
+    /// The map that was learned before the robot's first stride, where the task names one.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::RunDirectory`] if the run that it names has none.
+    pub fn prior_map(&self) -> Result<Option<Arc<GoalMap>>, LabError> {
+        Ok(self.progress.prior.clone())
     }
 
     /// Training strides that reached the section.

@@ -75,6 +75,7 @@ pub(super) fn read_progress(path: &Path, task: &Task) -> Result<(Progress, [usiz
         seconds: c.seconds,
         falls: c.falls,
         unfinished: Vec::new(),
+        prior: None,
         total_seconds: c.seconds.simulation + c.seconds.fit + c.seconds.improve,
     };
     Ok((progress, [c.transition_rows, c.record_rows, c.learning_rows], c.seed))

@@ -28,6 +28,7 @@ impl Progress {
                     success: i.record.is_some_and(|p| task.is_success(&p, strides_so_far, falls_so_far)),
                     evaluated_mean_reward: i.evaluation.map(|p| p.mean_reward),
                     rejected: i.rejected.map(Measured::from),
+                    random_goals: i.record.and_then(|p| p.random_goals),
                     speed_m_s: i.record.and_then(|p| p.walk).map(|w| w.speed_m_s),
                     upright_s: i.record.and_then(|p| p.walk).map(|w| w.upright_s),
                     proof: i.proof.clone(),

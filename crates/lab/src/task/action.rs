@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use stridemap_config::Components;
+use stridemap_learn::ActionRole;
 
+use crate::dither::Dither;
 use crate::error::{LabError, unless};
 use crate::strides::{Exploration, ExploreRange};
 use crate::task::Task;
@@ -57,6 +59,13 @@ pub struct ActionConfig {
     pub back_off: f64,
     /// How the first batch explores it.
     pub explore: ExploreRange,
+    /// Whether it follows the goal from stride to stride, or is a constant of the robot that is chosen with the map.
+    #[serde(skip_serializing_if = "is_command")]
+    pub role: ActionRole,
+}
+
+fn is_command(role: &ActionRole) -> bool {
+    *role == ActionRole::Command
 }
 
 /// What a file says of a component.
@@ -73,6 +82,7 @@ struct ActionFile {
     dither_std: Option<f64>,
     back_off: Option<f64>,
     explore: ExploreFile,
+    role: Option<ActionRole>,
 }
 
 #[derive(Deserialize)]
@@ -99,6 +109,7 @@ impl TryFrom<ActionFile> for ActionConfig {
             dither_std: file.dither_std,
             back_off: file.back_off.unwrap_or(0.0),
             explore: ExploreRange { center: file.explore.center, std },
+            role: file.role.unwrap_or_default(),
         })
     }
 }
@@ -152,6 +163,34 @@ impl Task {
     #[must_use]
     pub fn exploration(&self) -> Exploration {
         Exploration { ranges: self.action.iter().map(|a| a.explore).collect(), hold: self.collect.explore.hold }
+    }
+
+    /// Noise about a policy that follows goals. In the first batch commands that the goal names are what the policy asks for,
+    /// and all else moves about its own centre; later everything is what the policy asks for.
+    ///
+    /// # Arguments
+    ///
+    /// - `neutral` – of each component, in the first batch.
+    /// - `constants` – whether the robot's constants are explored.
+    pub(crate) fn dither(&self, neutral: Option<&[f64]>, constants: bool) -> Dither {
+        let explore = self.collect.explore;
+        let moves = |a: &ActionConfig| constants || a.role == ActionRole::Command;
+        let followed = |a: &ActionConfig| self.goal.iter().any(|g| g.command.as_ref() == Some(&a.modulates));
+        let of = |j: usize, a: &ActionConfig| {
+            let own = moves(a) && !followed(a);
+            neutral.filter(|_| own).map(|neutral| (a.explore.center, neutral[j]))
+        };
+        let std = |a: &ActionConfig| match neutral {
+            Some(_) => a.explore.std,
+            None => a.later_noise_std,
+        };
+        Dither {
+            std: self.of_each(|a| if moves(a) { std(a) } else { 0.0 }),
+            centre: self.action.iter().enumerate().map(|(j, a)| of(j, a)).collect(),
+            hold: explore.hold,
+            memory: explore.memory.unwrap_or(0.0),
+            fade_in: if neutral.is_some() { explore.fade_in.unwrap_or(0) } else { 0 },
+        }
     }
 
     /// Standard deviations of what is added to a policy's action during a trial; nothing, not even zeros, without any.

@@ -40,6 +40,11 @@ impl Task {
                 self.name
             ),
         )?;
+        unless(
+            kind.follows_goals() != self.goal.is_empty(),
+            "learner.kind",
+            format!("{} {} [[goal]]", kind.name(), if kind.follows_goals() { "needs a" } else { "does not follow a" }),
+        )?;
         kind.check(self)?;
         self.map_config().validate(self.state.len(), self.action.len())?;
         crate::suffices::check(self)

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use stridemap_config::Document;
 use stridemap_gait::GaitConfig;
-use stridemap_learn::{ConstantPolicy, SavedPolicy};
+use stridemap_learn::{ConstantPolicy, KeptPolicy, SavedPolicy};
 use stridemap_map::MapConfig;
 use stridemap_mujoco::MujocoConfig;
 use stridemap_process::{ActionDimension, ActionLimits, ProcessSpec, StateDimension};
@@ -210,12 +210,15 @@ impl Task {
         Ok(self.plant_actions()?.into_iter().map(|a| a.limits).collect())
     }
 
-    /// The policy that leaves the nominal gait alone.
+    /// The policy that leaves the nominal gait alone; with goals, the raw command.
     ///
     /// # Errors
     ///
     /// As [`Self::validate`].
     pub fn nominal_policy(&self) -> Result<SavedPolicy, LabError> {
+        if !self.goal.is_empty() {
+            return Ok(self.raw_command()?.to_saved());
+        }
         let limits = self.action_limits()?;
         let neutral: Vec<f64> = limits.iter().map(|l| l.neutral).collect();
         let policy = ConstantPolicy::new(self.process_spec()?, &neutral)?;

@@ -6,15 +6,21 @@ use serde::{Deserialize, Serialize};
 use stridemap_learn::{ActorCriticConfig, CrossEntropyConfig, GpDpConfig, PathwiseConfig, PolicyGradientConfig};
 use stridemap_record::WalkTimes;
 
-use crate::learner::{ControlsConfig, IntegralConfig, LearnerKind, SearchSettings};
+use crate::learner::{ControlsConfig, GoalLearning, IntegralConfig, LearnerKind, SearchSettings};
 
 /// How the first batch explores: for how long a centre is kept. Which centres and how far about them, each
 /// [`ActionConfig`](super::ActionConfig) says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExploreConfig {
     /// Strides for which a centre is kept.
     pub hold: usize,
+    /// Share of its noise that a stride keeps from the one before, where goals are explored; left out: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory: Option<f64>,
+    /// Strides over which exploration about goals is faded in; left out: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fade_in: Option<usize>,
 }
 
 /// Step 2 of Algorithm 1: strides on the robot.
@@ -66,6 +72,9 @@ pub struct LearnerConfig {
     /// Parameters of the controls that search on the robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<ControlsConfig>,
+    /// Parameters of the learners that follow goals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goals: Option<GoalLearning>,
     /// Parameters of a learner of one's own, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub own: BTreeMap<String, f64>,
@@ -106,6 +115,10 @@ pub struct AlgorithmConfig {
     pub falls_at_most: usize,
 }
 
+const fn yes() -> bool {
+    true
+}
+
 const fn falls_at_most() -> usize {
     3
 }
@@ -128,6 +141,9 @@ pub struct RecordConfig {
     /// longer; left out: all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed_s: Option<f64>,
+    /// Whether the nominal gait and the final policy of a task with goals also make a sweep and a straight walk.
+    #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+    pub sweep: bool,
     /// Seconds of motion recorded of the nominal gait and of the final policy, to be looked at.
     pub pose_seconds: f64,
 }

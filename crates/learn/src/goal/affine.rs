@@ -153,6 +153,7 @@ impl GoalAffine {
     }
 
     fn action(&self, at: &Situation, bias: &[f64]) -> Action {
+        let at = &*super::asked(&self.spec, at);
         let piece = self.piece(&at.goal);
         let asked: Vec<f64> = at.goal.iter().zip(bias).zip(&piece.goal).map(|((g, b), g0)| g - b - g0).collect();
         let moved = less(&at.state, &piece.state);

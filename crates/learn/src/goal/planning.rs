@@ -9,6 +9,7 @@ use stridemap_map::{GoalMap, GoalScratch};
 use stridemap_process::{Action, Goal, ProcessSpec, Situation};
 
 use super::ActionRole;
+use super::affine::AffinePiece;
 use super::cost::GoalCost;
 use crate::error::{LearnError, check_format, check_length, check_number, check_spec};
 use crate::policy::{Acting, Policy, Seen};
@@ -65,6 +66,9 @@ pub struct GoalPlanner {
     pub measured: Vec<usize>,
     /// How plans are searched.
     pub settings: PlanSettings,
+    /// Where the search for commands starts that no component of the goal names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<AffinePiece>,
 }
 
 /// A map that planners share, written whole.
@@ -149,7 +153,12 @@ impl GoalPlanner {
 
     /// Where a search starts that has no plan before: at the goal, where a command names it.
     pub(super) fn start(&self, commands: &[usize], goal: &[f64]) -> Vec<f64> {
-        commands.iter().map(|&j| self.follows[j].map_or(self.values[j], |g| goal[g])).collect()
+        let of_law = |j: usize| {
+            let Some(law) = &self.start else { return self.values[j] };
+            let of_goal = law.of_goal[j].iter().zip(goal).zip(&law.goal);
+            law.action[j] + of_goal.map(|((k, g), g0)| k * (g - g0)).sum::<f64>()
+        };
+        commands.iter().map(|&j| self.follows[j].map_or_else(|| of_law(j), |g| goal[g])).collect()
     }
 
     /// The cost of a stride from a state that was looked from; and where it ends, where that matters or is asked for.
@@ -176,6 +185,7 @@ impl GoalPlanner {
 
     /// The best command for a state and a goal.
     pub(super) fn plan(&self, at: &Situation, memory: &mut Memory, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        let at = &*super::asked(&self.spec, at);
         let commands = self.commands();
         let start = match &memory.last {
             Some((plan, goal)) if *goal == at.goal => plan.clone(),
