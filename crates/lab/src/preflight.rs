@@ -27,7 +27,7 @@ use crate::seed::{Role, stream};
 use crate::task::Task;
 
 /// Seconds of hanging still, of rocking, and of standing with half of the weight.
-const STILL_S: f64 = 1.0;
+const STILL_S: f64 = 2.0;
 const ROCK_S: f64 = 6.0;
 const STAND_S: f64 = 2.0;
 /// A joint's motion: there and back within this, then a rest, so far.
@@ -166,7 +166,7 @@ fn trial(robot: &mut dyn Robot, rest: &JointTargets, rng: &mut ChaCha8Rng) -> Re
     for k in 0..count(ROCK_S, period_s) {
         let t = k as f64 * period_s;
         let swing = |hz: f64, rad: f64| rad * (TAU * hz * t).sin();
-        let turned_rad = [swing(0.5, 0.25), swing(0.35, 0.3), swing(0.7, 0.3)];
+        let turned_rad = [swing(0.5, 0.5), swing(0.35, 0.5), swing(0.6, 0.6)];
         look(robot, rest, Hold { turned_rad, ..hanging })?;
         at += 1;
     }
@@ -361,8 +361,13 @@ fn reactions(told: &Trial, meant: &Trial, names: &[String], ticks: usize, add: A
     let mut is = Vec::with_capacity(n);
     let mut should = Vec::with_capacity(n);
     let mut noise = Vec::with_capacity(n);
-    let still = &told.looks[told.rock / 2..told.rock];
-    let sd = (still.iter().map(|look| dot(look.gyro, look.gyro)).sum::<f64>() / (3.0 * still.len() as f64)).sqrt();
+    // From tick to tick, so that a slow swing is no noise.
+    let still = told.looks[told.rock / 2..told.rock].windows(2);
+    let (ticks_seen, squares) = still.fold((0.0, 0.0), |(n, sum), pair| {
+        let step = [0, 1, 2].map(|k| pair[1].gyro[k] - pair[0].gyro[k]);
+        (n + 1.0, sum + dot(step, step))
+    });
+    let sd = (squares / (6.0 * f64::max(ticks_seen, 1.0))).sqrt();
     for j in 0..n {
         let model = &meant.looks[meant.bumps[j]..meant.bumps[j] + ticks];
         let rates: Vec<f64> = model.iter().map(|look| look.rates[j]).collect();
