@@ -365,6 +365,10 @@ pub enum Command {
     Check {
         /// A built-in task or the path of a task file.
         task: String,
+        /// The page with a film of the nominal gait; left out: NAME.check.html beside the task file NAME.toml, none for a
+        /// built-in task.
+        #[arg(long, value_name = "FILE")]
+        film: Option<PathBuf>,
         /// Options shared by most commands.
         #[command(flatten)]
         common: Common,
@@ -486,6 +490,9 @@ pub enum Command {
         /// Robots: seeds of learn for each. Networks: minutes of each command. Preflight: seeds of each robot.
         #[arg(long, default_value_t = 5, value_parser = count::<u64>(1000))]
         seeds: u64,
+        /// Robots: walking forward (`tune --walk`, `walking-auto`) instead of stepping.
+        #[arg(long)]
+        walk: bool,
         /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,

@@ -57,6 +57,7 @@ fn check_out(command: &Command) -> Result<(), Failure> {
         | Command::Run { out: Some(file), .. }
         | Command::Report { out: Some(file), .. }
         | Command::View { out: Some(file), .. }
+        | Command::Check { film: Some(file), .. }
         | Command::Init { file: Some(file), .. }
         | Command::Tune { file, .. } => files::check_file(file)?,
         Command::Learn { out: Some(dir), .. }
@@ -117,7 +118,7 @@ fn run(command: Command) -> Result<(), Failure> {
         }
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
-        Command::Check { task, common } => commands::task::check(&task, &common),
+        Command::Check { task, film, common } => commands::task::check(&task, film.as_deref(), &common),
         Command::Fetch { robot, yes, json } => commands::fetch::fetch(robot, yes, json),
         Command::List { kind, json } => commands::list::list(kind, json),
         Command::Init { file, model: Some(model), json } => {
@@ -137,8 +138,8 @@ fn run(command: Command) -> Result<(), Failure> {
             let task = only.as_deref().unwrap_or("g1-velocity");
             commands::preflight::bench(task, seeds, &sets, json)
         }
-        Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, .. } => {
-            commands::robots::robots(&out, seeds, only.as_deref())
+        Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, walk, .. } => {
+            commands::robots::robots(&out, seeds, only.as_deref(), walk)
         }
         Command::Bench { json, .. } => commands::bench::bench(json),
     }

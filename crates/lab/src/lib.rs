@@ -25,6 +25,7 @@ mod check;
 mod choice;
 mod compare;
 mod dither;
+mod driven;
 mod error;
 mod fall;
 mod feedback;
@@ -72,7 +73,7 @@ mod walk;
 pub use algorithm::{Algorithm, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
 pub use caution::{CautionConfig, ProofConfig};
-pub use check::{CheckItem, CheckReport, Gain, check};
+pub use check::{CheckItem, CheckReport, Gain, check, check_on_film};
 pub use compare::{CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
 pub use dither::Dither;
 pub use error::{Invalid, LabError};
@@ -103,7 +104,7 @@ pub use robots::RobotChoice;
 pub use samples::{one_step_error, unseen_error};
 pub use state::{AtSection, StateComponent, StatePart, states};
 pub use steering::{Steered, can_steer, steer};
-pub use stepping::{GaitVerdict, Stepping};
+pub use stepping::{GaitTrace, GaitVerdict, Stepping};
 pub use strides::{Act, ActionSource, Exploration, ExploreRange, IntegralAction, drive, make_strides};
 pub use task::{
     ActionConfig, AlgorithmConfig, CollectConfig, ExploreConfig, LearnerConfig, RecordConfig, ScaleConfig,

@@ -12,6 +12,7 @@ pub mod learn;
 pub mod learners;
 pub mod linked;
 pub mod list;
+pub mod picture;
 pub mod preflight;
 pub mod process;
 pub mod replay;

@@ -18,6 +18,7 @@ mod strips;
 mod surface;
 mod sweep;
 mod trust;
+mod tune;
 
 pub use actions::actions;
 pub use lines::map_lines;
@@ -34,6 +35,7 @@ pub use strips::{Shot, Strip, TimeLapse, View, time_lapses};
 pub use surface::fig13;
 pub use sweep::{SweepMean, sweep};
 pub use trust::{predicted_actual, standardized_residuals};
+pub use tune::{TriedGait, tried_gaits};
 
 pub(crate) use actions::{verdict_words, warning_words};
 pub(crate) use names::{label, quantity};
