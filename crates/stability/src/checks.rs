@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::sampler::{MOST, Model, Moments, Series, backward_n};
+use crate::linear::{MOST, MOST_ACTIONS, Model, Moments, Series, backward_n};
 use crate::small::{Mat, cholesky, inverse_wishart, modes, normal, times_transposed};
 
 /// Lags of the portmanteau tests.
@@ -59,7 +59,7 @@ fn wide(rows: &Rows) -> Option<usize> {
 pub(crate) fn excited<const D: usize>(series: &Series<D>) -> f64 {
     let states: Rows = series.bouts.iter().map(|b| b.iter().map(|x| x.to_vec()).collect()).collect();
     let both = series.bouts.iter().zip(&series.actions).map(|(x, u)| {
-        let row = |(x, u): (&[f64; D], &[f64; crate::sampler::MOST_ACTIONS])| [x, &u[..series.m]].concat();
+        let row = |(x, u): (&[f64; D], &[f64; MOST_ACTIONS])| [x, &u[..series.m]].concat();
         x.iter().zip(u).map(row).collect()
     });
     portmanteau(&states, &both.collect(), 0)
