@@ -102,7 +102,7 @@ fn run(command: Command) -> Result<(), Failure> {
             commands::apply::push(&run, &of, nominal, out.as_deref(), &common)
         }
         Command::Replay { run, episode, out, json } => commands::replay::replay(&run, episode, out.as_deref(), json),
-        Command::Analyse { run, common } => commands::apply::analyse(&run, &common),
+        Command::Analyse(args) => commands::analyse::analyse(&args),
         Command::Compare { task, seeds, controls, out, common } => {
             commands::compare::compare(&task, seeds, controls, out.as_deref(), &common)
         }
@@ -137,6 +137,12 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Bench { what: Some(args::BenchOf::Preflight), only, sets, seeds, json, .. } => {
             let task = only.as_deref().unwrap_or("g1-velocity");
             commands::preflight::bench(task, seeds, &sets, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::Coverage), study, json, .. } => {
+            commands::bench_stability::multipliers(study.systems, study.seed, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::TimeToFall), study, json, .. } => {
+            commands::bench_stability::time_to_fall(study.records, study.seed, json)
         }
         Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, walk, .. } => {
             commands::robots::robots(&out, seeds, only.as_deref(), walk)

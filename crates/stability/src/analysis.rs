@@ -92,7 +92,7 @@ pub fn examine(record: &Record, options: &Options) -> Result<Examined, Stability
     let mut found = multipliers(&record, options)?;
     let (mut fall, mut survival) = (None, Vec::new());
     if let Some((at, rule)) = rule {
-        let (bounds, refused, interval) = fall::bounds(&record, at, rule, &found.checks, options.seed);
+        let (bounds, refused, interval) = fall::bounds(&record, at, rule, found.one_map, options.seed);
         found.refused.extend(refused);
         survival = interval.map(|found| found.survival).unwrap_or_default();
         fall = Some(bounds);
@@ -106,7 +106,7 @@ pub fn examine(record: &Record, options: &Options) -> Result<Examined, Stability
         state: record.state.clone(),
         falls: record.falls(),
     };
-    let Found { multipliers, checks, refused, eigenvalues, errors } = found;
+    let Found { multipliers, checks, refused, eigenvalues, errors, .. } = found;
     let analysis = Analysis { record: summary, multipliers, checks, fall, refused };
     Ok(Examined { analysis, record, eigenvalues, errors, survival })
 }

@@ -9,7 +9,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{Beta, ContinuousCDF, StudentsT};
 
-use crate::answer::{Bounds, Checks, CountsOnly, FallBounds, Refusal, StridesToFall, quantile};
+use crate::answer::{Bounds, CountsOnly, FallBounds, Refusal, StridesToFall, quantile};
 use crate::record::Record;
 use crate::rule::FallRule;
 use crate::small::gamma;
@@ -311,12 +311,13 @@ pub(crate) fn by_counts(falls: usize, strides: usize, walk: usize) -> f64 {
     1.0 - (1.0 - hazard).powf(walk as f64)
 }
 
-/// What is said of falls under a rule about the component number `first`, and what is refused.
+/// What is said of falls under a rule about the component number `first`, and what is refused; `one_map` says whether one
+/// map holds for the whole record.
 pub(crate) fn bounds(
     record: &Record,
     first: usize,
     rule: &FallRule,
-    checks: &Checks,
+    one_map: bool,
     seed: u64,
 ) -> (FallBounds, Vec<Refusal>, Option<Interval>) {
     let mut refused = Vec::new();
@@ -328,12 +329,11 @@ pub(crate) fn bounds(
     let sign = if rule.below { 1.0 } else { -1.0 };
     let nearest = values.iter().map(|x| sign * (x - rule.boundary)).fold(f64::INFINITY, f64::min);
     let boundary_sd = nearest / std;
-    let steady = checks.white_residuals.pass && checks.steady_mean.pass;
     let because = if strides < FEWEST {
         Some(("short_record", "60 strides"))
     } else if record.state.len() > MOST_DIMENSIONS {
         Some(("too_many_components", "name at most three components of the state"))
-    } else if !steady {
+    } else if !one_map {
         Some(("check_failed", "a record in which the gait does not change, or more of the state (--state)"))
     } else {
         None

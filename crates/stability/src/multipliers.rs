@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 use crate::answer::{
     Check, Checks, Estimate, LongEnough, Method, Multipliers, NoiseSource, Refusal, SensorNoise, Unstable,
 };
-use crate::checks::{excited, growing, independent_looks, innovations, steady_mean, white};
+use crate::checks::{Whiteness, excited, growing, independent_looks, innovations, steady_mean};
 use crate::error::StabilityError;
 use crate::linear::{Looks, Model, Moments, Sensor};
 use crate::record::{Record, Standardised};
@@ -43,6 +43,8 @@ pub(crate) struct Found {
     pub multipliers: Option<Multipliers>,
     pub checks: Checks,
     pub refused: Vec<Refusal>,
+    /// Whether one map holds for the whole record, however heavy the tails of its noise.
+    pub one_map: bool,
     /// Multipliers of draws of the whole record, real and imaginary parts.
     pub eigenvalues: Vec<[f64; 2]>,
     /// One-step prediction errors of the model, by stretch, in standard deviations of the state's components.
@@ -78,8 +80,9 @@ pub(crate) fn find<const D: usize>(
     let strides = record.strides();
     let needed = strides_needed(D);
     let grows = growing(&data.series, &mut stream(seed, 9));
+    let whiteness = Whiteness::of(&errors, drawn.fitted_noise);
     let [excited, white_residuals, steady_mean] =
-        [excited(&data.series), white(&errors, drawn.fitted_noise), steady_mean(&data.series, &errors)];
+        [excited(&data.series), whiteness.p(drawn.fitted_noise), steady_mean(&data.series, &errors)];
     let checks = Checks {
         excited: Check { p: excited, pass: excited < LEVEL },
         white_residuals: Check { p: white_residuals, pass: white_residuals >= LEVEL },
@@ -89,7 +92,8 @@ pub(crate) fn find<const D: usize>(
     };
     let multipliers = answer(record, &data, &knowledge, &drawn, &checks, seed, &mut refused);
     let errors = errors.iter().map(|b| b.iter().map(|e| e.to_vec()).collect()).collect();
-    Ok(Found { multipliers, checks, refused, eigenvalues: drawn.eigenvalues, errors })
+    let one_map = checks.steady_mean.pass && whiteness.signed >= LEVEL;
+    Ok(Found { one_map, multipliers, checks, refused, eigenvalues: drawn.eigenvalues, errors })
 }
 
 /// What is refused, and what is left to say.

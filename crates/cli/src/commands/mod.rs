@@ -1,7 +1,9 @@
 //! One module per group of commands.
 
+pub mod analyse;
 pub mod apply;
 pub mod bench;
+pub mod bench_stability;
 pub mod beside;
 pub mod bring_up;
 pub mod compare;
