@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use statrs::distribution::{Beta, ContinuousCDF};
-use stridemap_lab::builtin;
 use stridemap_lab::run::FinishedRun;
+use stridemap_lab::{MapMultipliers, builtin, fit_map, map_multipliers};
 use stridemap_record::{Run, Transition, files};
 use stridemap_stability::{Analysis, Examined, FallRule, Options, Record, SensorKnowledge, StabilityError, examine};
 
@@ -38,6 +38,8 @@ fn beta_interval(of: usize, all: usize) -> [f64; 2] {
 struct Shown<'a> {
     #[serde(flatten)]
     analysis: &'a Analysis,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    map_multipliers: Option<MapMultipliers>,
     #[serde(skip_serializing_if = "Option::is_none")]
     brute_force: Option<BruteForce>,
 }
@@ -139,15 +141,26 @@ fn place(args: &AnalyseArgs) -> PathBuf {
 }
 
 /// Writes the analysis and its figures.
-fn write(examined: &Examined, place: &Path) -> Result<(), Failure> {
+fn write(examined: &Examined, map: Option<&MapMultipliers>, place: &Path) -> Result<(), Failure> {
     files::create_dir(place)?;
-    files::write_json(&place.join("analysis.json"), &examined.analysis)?;
+    let shown = Shown { analysis: &examined.analysis, map_multipliers: map.cloned(), brute_force: None };
+    files::write_json(&place.join("analysis.json"), &shown)?;
     let figures = stridemap_report::figures::stability(examined)?;
     for figure in &figures {
         figure.write(&place.join("figures"))?;
     }
     output::note(format!("wrote analysis.json and {} figures into {}", figures.len(), place.display()));
     Ok(())
+}
+
+/// The multipliers that the last map of a run gives its policy; none of a run without a map.
+fn of_map(run: &FinishedRun, what: &str) -> Result<Option<MapMultipliers>, Failure> {
+    if what != "final" || run.progress.transitions.len() < 10 {
+        return Ok(None);
+    }
+    let (progress, seed) = (&run.progress, run.provenance.seed);
+    let map = fit_map(&run.task, &progress.transitions, &progress.in_place(), seed, 0)?;
+    Ok(Some(map_multipliers(&run.task, &map, &run.policy()?, seed)?))
 }
 
 /// Analyses a record of strides.
@@ -174,19 +187,35 @@ pub fn analyse(args: &AnalyseArgs) -> Result<(), Failure> {
     let examined = examine(&record, &options)?;
     // What somebody else is writing, or may not be written, is looked at all the same.
     let _writing = if args.record.is_dir() { Some(files::lock(&args.record)?) } else { None };
-    write(&examined, &place(args))?;
+    let map_multipliers = run.as_ref().map(|run| of_map(run, &args.what)).transpose()?.flatten();
+    write(&examined, map_multipliers.as_ref(), &place(args))?;
     let brute_force = match (args.brute, &run) {
         (Some(walks), Some(run)) => Some(run::brute_force(run, walks, args.common.seed, args.common.threads)?),
         _ => None,
     };
     if args.common.json {
-        return output::json(&Shown { analysis: &examined.analysis, brute_force });
+        return output::json(&Shown { analysis: &examined.analysis, map_multipliers, brute_force });
     }
     output::line(examined.analysis.page().trim_end());
+    if let Some(map) = &map_multipliers {
+        output::line(said_of_map(map));
+    }
     if let Some(counted) = &brute_force {
         output::line(said(counted));
     }
     Ok(())
+}
+
+/// What the map says of itself, as a line.
+fn said_of_map(map: &MapMultipliers) -> String {
+    let words = |e: stridemap_stability::Estimate| format!("{:.2} ({:.2} to {:.2})", e.value, e.low, e.high);
+    format!(
+        "The map of the run, policy in the loop: largest {}, slow {}, flip {}, from {} strides.",
+        words(map.largest),
+        words(map.slow),
+        words(map.flip),
+        map.samples
+    )
 }
 
 /// What was counted, as a line.
