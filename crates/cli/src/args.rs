@@ -277,9 +277,6 @@ pub enum Command {
     },
     /// Will it fall? Multipliers of a gait and bounds on the time to a fall, from a record of strides alone, with
     /// intervals, and what cannot be known.
-    #[command(after_help = "Examples:\n  stridemap analyse strides.csv --state roll_deg,pitch_rate_deg_s --fall \
-        \"roll_deg < -12\"\n  stridemap analyse runs/walking-1 --brute 1000\n  stridemap analyse imu.csv --section \
-        roll_rate --state pitch_rate")]
     Analyse(AnalyseArgs),
     /// Learning in the map against learning on the robot itself, over seeds (Figs. 8 and 9).
     Compare {

@@ -8,6 +8,9 @@ use super::{Common, count, within};
 
 /// What `analyse` takes.
 #[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  stridemap analyse strides.csv --state roll_deg,pitch_rate_deg_s --fall \
+    \"roll_deg < -12\"\n  stridemap analyse runs/walking-1 --brute 1000\n  stridemap analyse imu.csv --section roll_rate \
+    --state pitch_rate")]
 pub struct AnalyseArgs {
     /// A run directory; a table of strides (CSV, one row a stride, or as PhysioNet writes them); an MCAP log; or a
     /// table of IMU readings (--section).
