@@ -145,6 +145,10 @@ fn sets_reach_everything() {
     expected.robot.model = Some("a=b.xml".to_owned());
     (expected.draw, expected.seed) = (Draw::Latent, Some(3));
     assert_eq!(read(GOOD, &sets), Ok(expected));
+    // What may be left out can be unset, what may not cannot.
+    assert_eq!(read(GOOD, &["seed=3", "seed=none"]).unwrap().seed, None);
+    let said = message(read(GOOD, &["robot.friction=none"]));
+    assert_eq!(said, "--set robot.friction=none: robot.friction: expected a number, found the string \"none\"");
 }
 
 /// A `--set`, and what is said of it.

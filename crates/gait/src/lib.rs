@@ -17,6 +17,7 @@
 //!   Poincaré map for learning biped locomotion*, Autonomous Robots 27, 2009,
 //!   doi:10.1007/s10514-009-9133-z.
 
+mod config;
 mod filter;
 mod gait;
 mod modulations;
@@ -26,9 +27,10 @@ mod policy;
 mod targets;
 mod zmp;
 
+pub use config::{AmplitudeConfig, GaitConfig, RampConfig};
 pub use filter::LowPass;
 pub use gait::{Gait, GaitError, Modulation};
-pub use oscillator::{AmplitudeConfig, GaitConfig, OscillatorGait, RampConfig};
+pub use oscillator::OscillatorGait;
 pub use phase::{PhaseConfig, PhaseDetector, PhaseSource};
 pub use policy::{
     ClockConfig, Each, HeldJoint, HistoryFill, ModelConfig, PolicyConfig, PolicyGait, Source, TermConfig, TermKind,

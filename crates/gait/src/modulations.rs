@@ -1,7 +1,7 @@
 //! In which ways the oscillator gait can be changed.
 
+use crate::config::GaitConfig;
 use crate::gait::Modulation;
-use crate::oscillator::GaitConfig;
 
 // Positions in the list of modulations.
 pub(crate) const STEP: usize = 0;

@@ -6,11 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Circles that are still there: a circle must lie within one of these, and none may be added.
-const OLD_CIRCLES: [(&str, &[&str]); 3] = [
-    ("gait", &["modulations", "oscillator"]),
+const OLD_CIRCLES: [(&str, &[&str]); 1] = [
     // A task names a learner, and a learner is asked with the task.
     ("lab", &["learner", "task"]),
-    ("mujoco", &["actuators", "binding"]),
 ];
 
 fn crates() -> PathBuf {

@@ -4,7 +4,7 @@
 use mujoco_rs::prelude::MjModel;
 use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDyn, MjtGain, MjtObjBase, MjtTrn};
 
-use crate::binding::{Axis, Drive};
+use crate::axis::{Axis, Drive};
 use crate::engine::{Data, name_of, own_bodies};
 use crate::error::MujocoError;
 
@@ -132,7 +132,7 @@ pub(crate) fn drive(model: &MjModel, joint: usize) -> Result<(Drive, Option<usiz
 ///
 /// [`MujocoError::Actuator`] if that is none in one direction.
 pub(crate) fn torque_range(model: &MjModel, axis: &Axis) -> Result<f64, MujocoError> {
-    let limit = crate::binding::torque_limit(model, axis);
+    let limit = crate::axis::torque_limit(model, axis);
     if limit > 0.0 {
         return Ok(limit);
     }

@@ -2,7 +2,7 @@
 
 use stridemap_robot::{LegJoint, Robot, Side};
 
-use crate::binding::Drive;
+use crate::axis::Drive;
 use crate::foreign::is_added;
 use crate::robot::MujocoRobot;
 

@@ -134,9 +134,7 @@ pub fn guess(model: &Path) -> Result<Guess, MujocoError> {
     let time_step_s = model.opt().timestep;
     let motors = joints.iter().any(|joint| {
         let id = model.name_to_id(MjtObjBase::mjOBJ_JOINT, joint.name.trim_start_matches('-'));
-        id.is_some_and(|id| {
-            !matches!(crate::actuators::drive(&model, id), Ok((crate::binding::Drive::Servo { .. }, _)))
-        })
+        id.is_some_and(|id| !matches!(crate::actuators::drive(&model, id), Ok((crate::axis::Drive::Servo { .. }, _))))
     });
     // Our own PD laws are explicit: they need the shorter step.
     let longest_s = if motors { 0.5 * LONGEST_STEP_S } else { LONGEST_STEP_S };

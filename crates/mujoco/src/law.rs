@@ -3,7 +3,8 @@
 use mujoco_rs::prelude::MjModel;
 use stridemap_robot::{JointCommand, JointLimits};
 
-use crate::binding::{Axis, Binding, Drive, Given, HOLD_RAD_S, torque_limit};
+use crate::axis::{Axis, Drive, Given, torque_limit};
+use crate::binding::{Binding, HOLD_RAD_S};
 use crate::config::MujocoConfig;
 use crate::per_joint::PerJoint;
 

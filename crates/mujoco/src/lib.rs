@@ -8,6 +8,7 @@
 //! reaches a return map.
 
 mod actuators;
+mod axis;
 mod binding;
 mod changes;
 mod config;
@@ -21,7 +22,6 @@ mod guess;
 mod hardware;
 mod law;
 mod machine;
-mod mesh;
 mod overrides;
 mod payload;
 mod per_joint;
@@ -44,7 +44,7 @@ pub use error::MujocoError;
 pub use guess::{Guess, GuessedJoint, guess};
 pub use hardware::HardwareConfig;
 pub use machine::{SimulatedMachine, estimator, kinematic_model};
-pub use per_joint::{PerJoint, Posture, RestAngle};
+pub use per_joint::{PerJoint, RestAngle};
 pub use report::{ActuatorKind, JointReport};
 pub use robot::{MujocoRobot, Snapshot};
 pub use sensed::SensedRobot;

@@ -3,7 +3,8 @@
 use mujoco_rs::prelude::{MjData, MjModel};
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtIntegrator, MjtJoint};
 
-use crate::binding::{Binding, Drive, Given};
+use crate::axis::{Drive, Given};
+use crate::binding::Binding;
 use crate::config::MujocoConfig;
 use crate::engine::{allocation, own_bodies};
 use crate::error::MujocoError;

@@ -5,7 +5,7 @@ use mujoco_rs::prelude::MjData;
 use serde::{Deserialize, Serialize};
 use stridemap_robot::{LegJoint, LegRole, Robot, Side};
 
-use crate::binding::Drive;
+use crate::axis::Drive;
 use crate::engine::allocation;
 use crate::error::MujocoError;
 use crate::robot::MujocoRobot;

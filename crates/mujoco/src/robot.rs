@@ -15,7 +15,8 @@ use stridemap_robot::{
 };
 
 use crate::actuators::{self, Held};
-use crate::binding::{Axis, Binding, Drive};
+use crate::axis::{Axis, Drive};
+use crate::binding::Binding;
 use crate::changes::ChangesConfig;
 use crate::config::{MujocoConfig, steps_per_period};
 use crate::engine::{Data, Provenance, allocation, hash, mujoco_version, name_of, take_warning};

@@ -1,9 +1,7 @@
 //! One module per group of commands.
 
-pub mod analyse;
 pub mod apply;
 pub mod bench;
-pub mod bench_stability;
 pub mod beside;
 pub mod bring_up;
 pub mod compare;
@@ -14,7 +12,6 @@ pub mod learn;
 pub mod learners;
 pub mod linked;
 pub mod list;
-pub mod picture;
 pub mod preflight;
 pub mod process;
 pub mod replay;
