@@ -1,9 +1,11 @@
 //! The command line.
 
+mod analyse;
 mod names;
 
 use std::path::PathBuf;
 
+pub use analyse::{AnalyseArgs, StudyArgs};
 pub use names::{BenchOf, FetchedRobot, FigureName, PartKind, RobotName, ServedRobot};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
@@ -273,15 +275,9 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// What a walking run's data and map are worth: held-out residuals with and without the last action,
-    /// and the flip multiplier of the map beside the robot's own.
-    Analyse {
-        /// A run directory.
-        run: PathBuf,
-        /// Options shared by most commands.
-        #[command(flatten)]
-        common: Common,
-    },
+    /// Will it fall? Multipliers of a gait and bounds on the time to a fall, from a record of strides alone, with
+    /// intervals, and what cannot be known.
+    Analyse(AnalyseArgs),
     /// Learning in the map against learning on the robot itself, over seeds (Figs. 8 and 9).
     Compare {
         /// A built-in task (stepping, walking, ...) or the path of a task file.
@@ -365,6 +361,10 @@ pub enum Command {
     Check {
         /// A built-in task or the path of a task file.
         task: String,
+        /// The page with a film of the nominal gait; left out: NAME.check.html beside the task file NAME.toml, none for a
+        /// built-in task.
+        #[arg(long, value_name = "FILE")]
+        film: Option<PathBuf>,
         /// Options shared by most commands.
         #[command(flatten)]
         common: Common,
@@ -469,9 +469,10 @@ pub enum Command {
         domain: u16,
     },
     /// Times the parts: a stride on the robot against bare physics, imagined strides, a whole run. Or brings public robots from
-    /// their models, fetched by pip, to a policy, and prints the table of docs/robots.md.
+    /// their models, fetched by pip, to a policy, and prints the table of docs/robots.md. Or asks how often the intervals
+    /// of `analyse` hold the truth.
     Bench {
-        /// The public robots instead of times.
+        /// Something else than times.
         #[arg(value_enum)]
         what: Option<BenchOf>,
         /// Robots: where models, task files and runs go.
@@ -486,6 +487,12 @@ pub enum Command {
         /// Robots: seeds of learn for each. Networks: minutes of each command. Preflight: seeds of each robot.
         #[arg(long, default_value_t = 5, value_parser = count::<u64>(1000))]
         seeds: u64,
+        /// Robots: walking forward (`tune --walk`, `walking-auto`) instead of stepping.
+        #[arg(long)]
+        walk: bool,
+        /// Coverage and time to fall.
+        #[command(flatten)]
+        study: StudyArgs,
         /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,

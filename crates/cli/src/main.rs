@@ -57,6 +57,7 @@ fn check_out(command: &Command) -> Result<(), Failure> {
         | Command::Run { out: Some(file), .. }
         | Command::Report { out: Some(file), .. }
         | Command::View { out: Some(file), .. }
+        | Command::Check { film: Some(file), .. }
         | Command::Init { file: Some(file), .. }
         | Command::Tune { file, .. } => files::check_file(file)?,
         Command::Learn { out: Some(dir), .. }
@@ -101,7 +102,7 @@ fn run(command: Command) -> Result<(), Failure> {
             commands::apply::push(&run, &of, nominal, out.as_deref(), &common)
         }
         Command::Replay { run, episode, out, json } => commands::replay::replay(&run, episode, out.as_deref(), json),
-        Command::Analyse { run, common } => commands::apply::analyse(&run, &common),
+        Command::Analyse(args) => commands::analyse::analyse(&args),
         Command::Compare { task, seeds, controls, out, common } => {
             commands::compare::compare(&task, seeds, controls, out.as_deref(), &common)
         }
@@ -117,7 +118,7 @@ fn run(command: Command) -> Result<(), Failure> {
         }
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
-        Command::Check { task, common } => commands::task::check(&task, &common),
+        Command::Check { task, film, common } => commands::task::check(&task, film.as_deref(), &common),
         Command::Fetch { robot, yes, json } => commands::fetch::fetch(robot, yes, json),
         Command::List { kind, json } => commands::list::list(kind, json),
         Command::Init { file, model: Some(model), json } => {
@@ -137,8 +138,14 @@ fn run(command: Command) -> Result<(), Failure> {
             let task = only.as_deref().unwrap_or("g1-velocity");
             commands::preflight::bench(task, seeds, &sets, json)
         }
-        Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, .. } => {
-            commands::robots::robots(&out, seeds, only.as_deref())
+        Command::Bench { what: Some(args::BenchOf::Coverage), study, json, .. } => {
+            commands::bench_stability::multipliers(study.systems, study.seed, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::TimeToFall), study, json, .. } => {
+            commands::bench_stability::time_to_fall(study.records, study.seed, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, walk, .. } => {
+            commands::robots::robots(&out, seeds, only.as_deref(), walk)
         }
         Command::Bench { json, .. } => commands::bench::bench(json),
     }

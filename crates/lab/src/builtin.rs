@@ -35,13 +35,18 @@ pub const TASKS: [(&str, &str); 17] = [
 /// What a file says instead of a value that the robot is to tell.
 pub(crate) const WORD: &str = "auto";
 /// Keys that may say so, and what stands there until then.
-pub(crate) const KEYS: [(&str, &str); 12] = [
+pub(crate) const KEYS: [(&str, &str); 17] = [
     ("action.0.bounds", "[-0.001, 0.001]"),
     ("reward.0.weight", "0.1"),
     ("reward.0.target_deg", "0.0"),
     ("failure.psi_roll_below_deg", "-90.0"),
     ("action.0.explore.center", "[-0.001, 0.001]"),
     ("action.0.explore.std", "0.0001"),
+    ("failure.com_height_below", "0.5"),
+    ("failure.tilt_above_deg", "60.0"),
+    ("failure.no_section_s", "10.0"),
+    ("collect.strides", "[20, 16]"),
+    ("algorithm.evaluation_strides", "12"),
     ("map.state_range", "[[-90.0, 90.0]]"),
     ("map.start_range", "[[-1.0, 1.0]]"),
     ("action.0.unit", "1.0"),
@@ -61,6 +66,15 @@ static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 /// such keys are read in silence. Only the first call counts.
 pub fn on_moved(listener: fn(&str)) {
     _ = LISTENER.set(listener);
+}
+
+/// The same, with the exploration of every action.
+fn keys() -> Vec<(String, &'static str)> {
+    const MOST_ACTIONS: usize = 20;
+    let explored = [("center", "[-0.001, 0.001]"), ("std", "0.0001")];
+    let further =
+        (1..MOST_ACTIONS).flat_map(|i| explored.map(|(key, value)| (format!("action.{i}.explore.{key}"), value)));
+    KEYS.into_iter().map(|(key, value)| (key.to_owned(), value)).chain(further).collect()
 }
 
 /// A task, read and checked.
@@ -143,15 +157,18 @@ fn finish(mut document: Document) -> Result<LoadedTask, LabError> {
     if let (Some(listener), Ok(mut told)) = (LISTENER.get(), TOLD.lock()) {
         document.moved().into_iter().filter(|line| told.insert(line.clone())).for_each(|line| listener(&line));
     }
-    let found_later = document.stand_in(WORD, &KEYS);
+    let keys = keys();
+    let found_later =
+        document.stand_in(WORD, &keys.iter().map(|(key, value)| (key.as_str(), *value)).collect::<Vec<_>>());
     let mut task: Task = document.deserialize().map_err(config)?;
     task.auto.extend(found_later);
-    if let Some(key) = task.auto.iter().find(|key| KEYS.iter().all(|(known, _)| known != key)) {
+    if let Some(key) = task.auto.iter().find(|key| keys.iter().all(|(known, _)| known != *key)) {
         return Err(config(document.located("auto", format!("{key:?} is nothing that a robot can tell"))));
     }
     crate::pretrained::adopt(&mut task.gait, &mut task.robot, &mut task.failure.base_below_m, &document)
         .map_err(|error| located(&document, &ModelSource::Biped, error))?;
     task.rescale();
+    task.fit_stand_ins();
     // From the file that names it; absolute, since the resolved task is saved elsewhere.
     if let (ModelSource::File(path), Some(base)) = (&mut task.robot.model, document.base_dir("robot.model"))
         && let Ok(absolute) = std::path::absolute(base.join(&*path))

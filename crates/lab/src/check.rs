@@ -4,11 +4,11 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{JointReport, MujocoRobot};
 use stridemap_process::{ActionLimits, ProcessError, StrideEnd};
-use stridemap_record::{StridePhase, StrideRole};
+use stridemap_record::{Recording, StridePhase, StrideRole};
 use stridemap_robot::{Hold, Robot, Side};
 
 use crate::error::LabError;
-use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
+use crate::nominal::{DOWN, NOMINAL_S, nominal_gait, nominal_gait_on_film};
 use crate::plant::Batch;
 use crate::preflight::preflight;
 use crate::seed::{Role, stream};
@@ -20,6 +20,8 @@ use crate::task::Task;
 const EXCITED_STRIDES: usize = 40;
 /// ... or so many for each component of the action, if that is more.
 const STRIDES_PER_ACTION: usize = 20;
+/// Strides with the task's own exploration.
+const EXPLORED_STRIDES: usize = 40;
 /// Share of an action's bounds, about its neutral value, over which it is excited.
 const EXCITED_SHARE: f64 = 0.25;
 
@@ -89,6 +91,15 @@ impl CheckReport {
 ///
 /// [`LabError`] if the robot cannot be built or driven; that it does not walk is an answer.
 pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
+    check_on_film(task, seed, None)
+}
+
+/// The same; `film` gets the nominal gait, whatever becomes of it, if it comes to that.
+///
+/// # Errors
+///
+/// As [`check`].
+pub fn check_on_film(task: &Task, seed: u64, film: Option<&mut Recording>) -> Result<CheckReport, LabError> {
     let mut report = CheckReport { ok: true, ..CheckReport::default() };
 
     let mut robot = MujocoRobot::new(task.robot.clone()).map_err(|error| task.located(error))?;
@@ -168,8 +179,11 @@ pub fn check(task: &Task, seed: u64) -> Result<CheckReport, LabError> {
         return Ok(report);
     }
 
-    if let Some(task) = check_nominal(task, seed, &mut report)? {
+    if let Some(task) = check_nominal(task, seed, &mut report, film)? {
         check_excitation(&task, seed, &mut report)?;
+        if report.ok && task.caution.is_none() {
+            check_exploration(&task, seed, &mut report)?;
+        }
     }
     Ok(report)
 }
@@ -179,8 +193,13 @@ const TRY: &str = "`stridemap tune FILE` searches amplitudes, rest posture and g
 
 /// The nominal gait steps, every step shows a section, and the task's thresholds and prices fit it.
 /// `None` where it cannot work; else the task, with what it left to the robot told.
-fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<Option<Task>, LabError> {
-    let mut gait = match nominal_gait(task, seed) {
+fn check_nominal(
+    task: &Task,
+    seed: u64,
+    report: &mut CheckReport,
+    film: Option<&mut Recording>,
+) -> Result<Option<Task>, LabError> {
+    let mut gait = match nominal_gait_on_film(task, seed, film) {
         Ok(gait) => gait,
         Err(LabError::NominalGaitFails { time_s, fall, how, .. }) => {
             let found = format!("falls in its start, after {time_s:.1} s: {fall}{how}; {TRY}");
@@ -243,6 +262,25 @@ fn check_nominal(task: &Task, seed: u64, report: &mut CheckReport) -> Result<Opt
     });
     let priced = report.item("falls", report.refused.is_none(), found);
     Ok((both && priced).then_some(task))
+}
+
+/// The first strides as `learn` would make them do not spend its budget of falls. (Under a guard it does not let it come so far.)
+fn check_exploration(task: &Task, seed: u64, report: &mut CheckReport) -> Result<(), LabError> {
+    let mut plant = task.plant()?;
+    let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: EXPLORED_STRIDES };
+    let source = ActionSource::Explore(task.exploration());
+    let mut rng = stream(seed, Role::Check, 3);
+    let made = make_strides(&mut plant, &source, batch, &mut rng, &mut |_, _| {}, &mut |_| Ok(()))?;
+    let falls = made.iter().filter(|t| t.end != StrideEnd::Crossing).count();
+    let most = task.algorithm.falls_at_most;
+    let found = format!("{falls} falls in {EXPLORED_STRIDES} strides of exploration as `learn` makes them");
+    let ok = falls <= most;
+    let why = format!(
+        ", where algorithm.falls_at_most allows {most} in a run: bring bounds and explore.center of the actions nearer to the \
+         nominal gait, or extend \"stepping-auto\", which measures them"
+    );
+    report.item("exploration", ok, if ok { found } else { found + &why });
+    Ok(())
 }
 
 /// Random actions move the next state: rank and gain of a linear fit.

@@ -3,6 +3,7 @@
 use stridemap_gait::{Gait, OscillatorGait, PolicyGait, ZmpGait};
 use stridemap_robot::RobotDescription;
 
+use crate::driven::driven;
 use crate::error::{Invalid, LabError};
 use crate::registry::{Part, Registry};
 use crate::task::Task;
@@ -86,5 +87,6 @@ impl Task {
                 })
             })
             .and_then(|part| (part.build)(self, robot))
+            .map(|gait| driven(&self.robot.posture, robot, gait))
     }
 }

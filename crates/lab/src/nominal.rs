@@ -6,7 +6,7 @@
 use std::sync::{Arc, Mutex};
 
 use stridemap_process::{Action, Next, ProcessError, Situation, StrideEnd};
-use stridemap_record::{Fall, FallCriterion, InPlace, StridePhase, StrideRole, Transition};
+use stridemap_record::{Fall, FallCriterion, InPlace, Pace, Recording, StridePhase, StrideRole, Transition};
 use stridemap_robot::{Robot, RobotDescription, RobotState};
 use stridemap_section::Crossing;
 
@@ -14,8 +14,9 @@ use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
 use crate::plant::Batch;
 use crate::plant::TickObserver;
+use crate::poses::PoseRecorder;
 use crate::seed::{Role, stream};
-use crate::stepping::{GaitVerdict, StepMeter, Stepping};
+use crate::stepping::{GaitTrace, GaitVerdict, StepMeter, Stepping};
 use crate::strides::{Act, ActionSource, Exploration, ExploreRange, Source, drive};
 use crate::task::Task;
 
@@ -46,8 +47,14 @@ pub struct NominalGait {
     pub fell: Option<(f64, Fall)>,
     /// The first threshold of the task that it passed without falling, with its furthest value.
     pub beyond: Option<Fall>,
+    /// Least height of its centre of mass, as a share of the first.
+    pub least_height: f64,
+    /// Longest time without a section, its start included.
+    pub longest_wait_s: f64,
     /// How it stepped.
     pub stepping: Stepping,
+    /// The same over time.
+    pub trace: GaitTrace,
 }
 
 impl NominalGait {
@@ -73,10 +80,13 @@ struct Extremes {
     steps: StepMeter,
 }
 
-struct Watch(FailureConfig, Arc<Mutex<Extremes>>);
+struct Watch(FailureConfig, Arc<Mutex<Extremes>>, Option<PoseRecorder>);
 
 impl TickObserver for Watch {
-    fn tick(&mut self, robot: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, _: Option<[f64; 3]>) {
+    fn tick(&mut self, robot: &dyn Robot, state: &RobotState, crossing: Option<&Crossing>, push_n: Option<[f64; 3]>) {
+        if let Some(film) = &mut self.2 {
+            film.tick(robot, state, crossing, push_n);
+        }
         let Ok(mut seen) = self.1.lock() else { return };
         seen.steps.tick(robot, state, crossing);
         let height_m = state.com.position_m[2];
@@ -139,6 +149,15 @@ impl Act for Steps<'_> {
 /// [`LabError::NominalGaitFails`] if it does not come to its first stride; [`LabError`] of the room at
 /// fault.
 pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
+    nominal_gait_on_film(task, seed, None)
+}
+
+/// The same, and on film, whatever becomes of it.
+pub(crate) fn nominal_gait_on_film(
+    task: &Task,
+    seed: u64,
+    film: Option<&mut Recording>,
+) -> Result<NominalGait, LabError> {
     let own = task.failure;
     let down = FailureConfig {
         com_height_below: own.com_height_below.min(DOWN.com_height_below),
@@ -149,7 +168,9 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     let mut plant = Task { failure: down, ..task.clone() }.plant()?;
     let steps = StepMeter::from(plant.start_up_s());
     let seen = Arc::new(Mutex::new(Extremes { steps, ..Extremes::default() }));
-    plant.observe(Some(Box::new(Watch(own, Arc::clone(&seen)))));
+    let filmed = film.is_some().then(|| PoseRecorder::new(plant.robot(), Pace::Film.period_s(), 0.0, NOMINAL_S));
+    let (filming, growing) = filmed.unzip();
+    plant.observe(Some(Box::new(Watch(own, Arc::clone(&seen), filming))));
     let limits = task.action_limits()?;
     let ranges = limits.iter().map(|l| ExploreRange { center: [l.neutral; 2], std: 0.0 }).collect();
     let raw = task.nominal_policy()?;
@@ -167,11 +188,18 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
         &mut |_| Ok(()),
     );
     plant.observe(None);
+    if let (Some(film), Some(growing)) = (film, growing)
+        && let Ok(mut recording) = growing.lock()
+    {
+        *film = std::mem::take(&mut *recording);
+    }
     let seen = seen.lock().map_or_else(|_| Extremes::default(), |seen| seen.clone());
     let made = made.map_err(|error| started(error, &seen, plant.robot().description()))?;
     let stepped: Vec<&Transition> = made.iter().filter(|t| t.end == StrideEnd::Crossing).collect();
     let mut gait = NominalGait {
         strides: stepped.len(),
+        least_height: seen.least_height,
+        longest_wait_s: seen.longest_wait_s,
         mean_reward: stepped.iter().map(|t| t.reward).sum::<f64>() / stepped.len().max(1) as f64,
         ..NominalGait::default()
     };
@@ -184,6 +212,7 @@ pub fn nominal_gait(task: &Task, seed: u64) -> Result<NominalGait, LabError> {
     let after_start = stepped.iter().map(|t| t.measures.psi_roll_deg);
     let least_psi_roll_deg =
         if own.psi_roll_relative { after_start.fold(f64::INFINITY, f64::min) } else { seen.least_psi_roll_deg };
+    gait.trace = seen.steps.trace();
     gait.stepping = seen.steps.stepping(plant.robot().description(), gait.fell.is_some());
     if gait.fell.is_none() {
         gait.beyond = seen.beyond(&own, least_psi_roll_deg, &plant.in_place());

@@ -20,14 +20,14 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use stridemap_mujoco::{MujocoConfig, MujocoRobot, kinematic_model};
 use stridemap_robot::kinematics::{inverse, rotate};
-use stridemap_robot::{Hold, JointTargets, KinematicModel, Robot, RobotError};
+use stridemap_robot::{Hold, JointDescription, JointTargets, KinematicModel, Robot, RobotError};
 
 use crate::error::{Invalid, LabError};
 use crate::seed::{Role, stream};
 use crate::task::Task;
 
 /// Seconds of hanging still, of rocking, and of standing with half of the weight.
-const STILL_S: f64 = 1.0;
+const STILL_S: f64 = 2.0;
 const ROCK_S: f64 = 6.0;
 const STAND_S: f64 = 2.0;
 /// A joint's motion: there and back within this, then a rest, so far.
@@ -38,6 +38,8 @@ const BUMP_RAD: f64 = 0.15;
 const RAISED_M: f64 = 0.15;
 /// Share of a motion that must be reached, or is another joint's.
 const ANSWERS: f64 = 0.35;
+/// How near to the end of its range a joint is at its end.
+const AT_END_RAD: f64 = 0.08;
 /// Angle by which gravity may be off (payload on a strap, a tilted unit), and soles.
 const GRAVITY_OFF_RAD: f64 = 0.4;
 const SOLE_OFF_RAD: f64 = 0.13;
@@ -82,7 +84,8 @@ pub fn preflight(task: &Task, rng: &mut ChaCha8Rng) -> Result<Vec<Miswired>, Lab
     let model = kinematic_model(&task.robot)?;
     let told = trial(robot.as_mut(), gait.rest(), rng)?;
     let meant = trial(&mut twin, gait.rest(), rng)?;
-    let names: Vec<String> = twin.description().joints.iter().map(|joint| joint.name.clone()).collect();
+    let joints = twin.description().joints.clone();
+    let names: Vec<String> = joints.iter().map(|joint| joint.name.clone()).collect();
     let period_s = task.robot.control_period_s;
     let mut faults = Vec::new();
     let mut add = |kind: &str, found: String| faults.push(Miswired { kind: kind.into(), found });
@@ -97,7 +100,7 @@ pub fn preflight(task: &Task, rng: &mut ChaCha8Rng) -> Result<Vec<Miswired>, Lab
         let gyro_is_right = gyroscope(&told, period_s, &mut add);
         let bump = bump(period_s);
         rates(&told, &names, bump.len(), period_s, &mut add);
-        let answer = answers(&told, &meant, &names, bump.len(), &mut add);
+        let answer = answers(&told, &meant, &joints, bump.len(), &mut add);
         if gyro_is_right && answer {
             reactions(&told, &meant, &names, bump.len(), &mut add);
         }
@@ -166,7 +169,7 @@ fn trial(robot: &mut dyn Robot, rest: &JointTargets, rng: &mut ChaCha8Rng) -> Re
     for k in 0..count(ROCK_S, period_s) {
         let t = k as f64 * period_s;
         let swing = |hz: f64, rad: f64| rad * (TAU * hz * t).sin();
-        let turned_rad = [swing(0.5, 0.25), swing(0.35, 0.3), swing(0.7, 0.3)];
+        let turned_rad = [swing(0.5, 0.5), swing(0.35, 0.5), swing(0.6, 0.6)];
         look(robot, rest, Hold { turned_rad, ..hanging })?;
         at += 1;
     }
@@ -314,7 +317,7 @@ fn rates(told: &Trial, names: &[String], ticks: usize, period_s: f64, add: Add<'
 }
 
 /// Who moves when a joint is asked to; whether all answer for themselves.
-fn answers(told: &Trial, meant: &Trial, names: &[String], ticks: usize, add: Add<'_>) -> bool {
+fn answers(told: &Trial, meant: &Trial, joints: &[JointDescription], ticks: usize, add: Add<'_>) -> bool {
     let mut well = true;
     for (j, (&from, &model_from)) in told.bumps.iter().zip(&meant.bumps).enumerate() {
         let model = &meant.looks[model_from..model_from + ticks];
@@ -331,15 +334,24 @@ fn answers(told: &Trial, meant: &Trial, names: &[String], ticks: usize, add: Add
         if own > ANSWERS || square < 0.01 {
             continue;
         }
+        // A load can have pushed a joint to its end, where it answers nothing.
+        let part = &told.looks[from..from + ticks];
+        let at = part.iter().map(|look| look.angles[j]).sum::<f64>() / ticks as f64;
+        let limits = joints[j].limits;
+        let at_its_end = at < limits.lower_rad + AT_END_RAD || at > limits.upper_rad - AT_END_RAD;
+        let most = (0..joints.len()).filter(|i| *i != j).max_by(|a, b| share(*a).abs().total_cmp(&share(*b).abs()));
+        let name = &joints[j].name;
+        let other = most.filter(|other| share(*other).abs() > ANSWERS);
+        if at_its_end && own.abs() < ANSWERS && other.is_none() {
+            continue;
+        }
         well = false;
-        let most = (0..names.len()).filter(|i| *i != j).max_by(|a, b| share(*a).abs().total_cmp(&share(*b).abs()));
-        let name = &names[j];
-        match most {
+        match other {
             _ if own < -ANSWERS => add("joint_sign", format!("{name} moves against its commands")),
-            Some(other) if share(other).abs() > ANSWERS => {
+            Some(other) => {
                 add(
                     "joint_order",
-                    format!("a command to {name} moves {}: commands and readings differ in order", names[other]),
+                    format!("a command to {name} moves {}: commands and readings differ in order", joints[other].name),
                 );
             }
             _ => add("joint_silent", format!("{name} does not answer its commands, nor does another joint")),
@@ -361,8 +373,13 @@ fn reactions(told: &Trial, meant: &Trial, names: &[String], ticks: usize, add: A
     let mut is = Vec::with_capacity(n);
     let mut should = Vec::with_capacity(n);
     let mut noise = Vec::with_capacity(n);
-    let still = &told.looks[told.rock / 2..told.rock];
-    let sd = (still.iter().map(|look| dot(look.gyro, look.gyro)).sum::<f64>() / (3.0 * still.len() as f64)).sqrt();
+    // From tick to tick, so that a slow swing is no noise.
+    let still = told.looks[told.rock / 2..told.rock].windows(2);
+    let (ticks_seen, squares) = still.fold((0.0, 0.0), |(n, sum), pair| {
+        let step = [0, 1, 2].map(|k| pair[1].gyro[k] - pair[0].gyro[k]);
+        (n + 1.0, sum + dot(step, step))
+    });
+    let sd = (squares / (6.0 * f64::max(ticks_seen, 1.0))).sqrt();
     for j in 0..n {
         let model = &meant.looks[meant.bumps[j]..meant.bumps[j] + ticks];
         let rates: Vec<f64> = model.iter().map(|look| look.rates[j]).collect();

@@ -144,8 +144,9 @@ fn robot_of(
     robot.model = ModelSource::File(model.mjcf.clone());
     robot.add = vec![Missing::Meshes, Missing::Floor];
     robot.time_step_s = Some(model.time_step_s);
-    // Not 1.0000000000000002 milliseconds.
-    robot.control_period_s = (1e9 / gait.policy.as_ref().map_or(50.0, |p| p.rate_hz)).round() / 1e9;
+    // Not 1.0000000000000002 milliseconds; a rate that is none is told when the gait is built.
+    let rate_hz = gait.policy.as_ref().map(|policy| policy.rate_hz).filter(|rate| *rate >= 1.0);
+    robot.control_period_s = (1e9 / rate_hz.unwrap_or(50.0)).round() / 1e9;
     robot.actuators = false;
     robot.body_contacts = false;
     robot.armature_kg_m2 = optional(&model.armature, "model.armature")?;

@@ -46,7 +46,10 @@ pub struct Stepping {
     pub stride_s: f64,
     /// Standard deviation of that.
     pub stride_spread_s: f64,
-    /// Standard deviation of `psi_roll` at the sections.
+    /// Mean of `psi_roll` at the sections.
+    #[serde(default)]
+    pub psi_roll_deg: f64,
+    /// Standard deviation of that.
     pub psi_roll_spread_deg: f64,
     /// Greatest tilt of the base.
     pub tilt_deg: f64,
@@ -78,6 +81,15 @@ impl Stepping {
     }
 }
 
+/// A gait over time, from its start, for a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GaitTrace {
+    /// Time and `ψ_roll` of each section.
+    pub sections: Vec<(f64, f64)>,
+    /// Time, foot (left 0, right 1) and greatest height of each swing.
+    pub swings: Vec<(f64, usize, f64)>,
+}
+
 /// What the last ticks looked like.
 #[derive(Clone, Debug)]
 struct Tick {
@@ -102,6 +114,7 @@ pub(crate) struct StepMeter {
     supports: usize,
     swing_m: [Option<f64>; 2],
     swings_m: Vec<f64>,
+    trace: GaitTrace,
     sections_s: Vec<f64>,
     psi_roll_deg: Vec<f64>,
     tilt_deg: f64,
@@ -136,6 +149,10 @@ impl StepMeter {
         let weight_n = description.mass_kg * 9.81;
         let loaded = Side::BOTH.map(|side| state.foot(side).load_n > UNLOADED * weight_n);
         self.watch_for_falls(state, &saturated, loaded);
+        let landed = self.watch_feet(state, loaded);
+        if let Some(crossing) = crossing {
+            self.trace.sections.push((state.time_s, crossing.pendulum.roll_rad.to_degrees()));
+        }
         if state.time_s < self.from_s {
             return;
         }
@@ -153,15 +170,7 @@ impl StepMeter {
         self.ticks += 1;
         self.both += usize::from(loaded == [true, true]);
         self.tilt_deg = self.tilt_deg.max(state.base.tilt_rad().to_degrees());
-        for side in Side::BOTH {
-            let swing = &mut self.swing_m[side.index()];
-            if !loaded[side.index()] {
-                let height_m = state.foot(side).centre_m[2];
-                *swing = Some(swing.map_or(height_m, |most: f64| most.max(height_m)));
-            } else if let Some(height_m) = swing.take() {
-                self.swings_m.push(height_m);
-            }
-        }
+        self.swings_m.extend(landed.into_iter().flatten());
         let support = match loaded {
             [true, false] => Some(Side::Left),
             [false, true] => Some(Side::Right),
@@ -175,6 +184,26 @@ impl StepMeter {
             self.sections_s.push(state.time_s);
             self.psi_roll_deg.push(crossing.pendulum.roll_rad.to_degrees());
         }
+    }
+
+    /// The greatest height of each swing that ended with this tick.
+    fn watch_feet(&mut self, state: &RobotState, loaded: [bool; 2]) -> [Option<f64>; 2] {
+        Side::BOTH.map(|side| {
+            let swing = &mut self.swing_m[side.index()];
+            if !loaded[side.index()] {
+                let height_m = state.foot(side).centre_m[2];
+                *swing = Some(swing.map_or(height_m, |most: f64| most.max(height_m)));
+                return None;
+            }
+            let height_m = swing.take()?;
+            self.trace.swings.push((state.time_s, side.index(), height_m));
+            Some(height_m)
+        })
+    }
+
+    /// The gait over time.
+    pub(crate) fn trace(&self) -> GaitTrace {
+        self.trace.clone()
     }
 
     fn watch_for_falls(&mut self, state: &RobotState, saturated: &[usize], loaded: [bool; 2]) {
@@ -218,6 +247,7 @@ impl StepMeter {
             both_feet_share: self.both as f64 / ticks,
             stride_s: mean(&strides),
             stride_spread_s: spread(&strides),
+            psi_roll_deg: mean(&self.psi_roll_deg),
             psi_roll_spread_deg: spread(&self.psi_roll_deg),
             tilt_deg: self.tilt_deg,
             turn_deg: self.turned_rad.to_degrees(),
@@ -259,11 +289,11 @@ impl StepMeter {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
+pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-fn spread(values: &[f64]) -> f64 {
+pub(crate) fn spread(values: &[f64]) -> f64 {
     let mean = mean(values);
     let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
     (squares / values.len().saturating_sub(1).max(1) as f64).sqrt()

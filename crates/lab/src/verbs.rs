@@ -13,6 +13,7 @@ use crate::builtin::LoadedTask;
 use crate::error::LabError;
 use crate::nominal::nominal_gait;
 use crate::plant::{Batch, Plant};
+use crate::preflight::refuse_miswired;
 use crate::provenance::provenance_of;
 use crate::recorder::Progress;
 use crate::robots::RobotChoice;
@@ -79,6 +80,7 @@ pub fn run_path(out: Option<&Path>, task: &Task, seed: u64) -> PathBuf {
 /// [`LabError`] at the key at fault.
 pub fn refuse_misfit(task: &Task, seed: u64) -> Result<(), LabError> {
     if task.link.is_none() {
+        refuse_miswired(task, seed).map_err(|error| task.located(error))?;
         let gait = nominal_gait(task, seed)?;
         gait.refuse(&task.failure).map_err(|error| task.located(error))?;
     }

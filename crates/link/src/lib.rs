@@ -37,7 +37,7 @@ pub use assemble::LinkCounts;
 pub use error::LinkError;
 pub use guard::{Act, CommandGuard, GuardBounds, Refusals};
 pub use journal::{Journal, LoggedMachine, SharedJournal};
-pub use log::{LogReport, LoggedAction, LoggedEpisode, read_log};
+pub use log::{IMU_COLUMNS, LogReport, LoggedAction, LoggedEpisode, read_imu, read_log};
 pub use messages::{Clock, Float64MultiArray, Header, Imu, JointState, JointTrajectory, RosTime, WrenchStamped};
 pub use operator::{AlwaysConfirms, FIRST_START, NEW_START, Operator};
 pub use replay::{Repeated, ReplayMachine};

@@ -1,8 +1,11 @@
 //! Logs read back: the episodes of a file, read as the robot itself is heard.
 
 mod episodes;
+mod imu;
 mod plausible;
 mod stamps;
+
+pub use self::imu::{IMU_COLUMNS, read_imu};
 
 use std::collections::BTreeMap;
 use std::path::Path;

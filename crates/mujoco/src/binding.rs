@@ -223,7 +223,10 @@ fn axes(
                 Some(given) => sign * given,
                 None => in_keyframe.unwrap_or(sign * config.rest_rad(side, joint)),
             },
-            None if own && hinge => by_name(config, name).unwrap_or(reference),
+            None if own && hinge => {
+                let posture = name.and_then(|name| config.posture.get(name)).map(|posture| posture.rest_deg());
+                posture.map(f64::to_radians).or(by_name(config, name)).unwrap_or(reference)
+            }
             None if own && kind == MjtJoint::mjJNT_SLIDE => reference,
             None => continue,
         };
@@ -290,6 +293,10 @@ fn check_names(
     if let Some(name) = config.rest_deg.keys().find(|name| !known.contains(&name.as_str())) {
         let field = format!("rest_deg.{name:?}");
         return Err(no_such_name(field, "leg joint or further hinge", name, known.into_iter()));
+    }
+    let further: Vec<&str> = of(false).collect();
+    if let Some(name) = config.posture.keys().find(|name| !further.contains(&name.as_str())) {
+        return Err(no_such_name(format!("posture.{name:?}"), "hinge beyond the legs", name, further.into_iter()));
     }
     for name in of(false) {
         if let Some(RestAngle::Each { .. }) = config.rest_deg.get(name) {

@@ -9,7 +9,7 @@ use stridemap_robot::{JointDescription, JointLimits, LegJoint, LegRole, Legs, Ro
 use crate::changes::ChangesConfig;
 use crate::error::{MujocoError, check, nearest};
 use crate::hardware::HardwareConfig;
-use crate::per_joint::{PerJoint, RestAngle};
+use crate::per_joint::{PerJoint, Posture, RestAngle};
 use crate::sensors::SensorConfig;
 
 /// Where a model comes from.
@@ -270,6 +270,10 @@ pub struct MujocoConfig {
     /// Leg joints not named rest at (hip, knee, ankle) pitch = (20, −40, 20) deg and rolls 0; other joints at
     /// the model's reference angle.
     pub rest_deg: BTreeMap<String, RestAngle>,
+    /// What joints beyond the legs do, by the model's name: held at an angle, or driven to and fro with the gait. Goes before
+    /// `rest_deg` and the keyframe.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub posture: BTreeMap<String, Posture>,
     /// What the model lacks and gets: `"free_joint"` (on its heaviest tree), `"floor"` (a plane at z = 0). A URDF, which can
     /// say neither, gets both unasked. `"meshes"`: nothing in their place.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -321,6 +325,7 @@ impl Default for MujocoConfig {
             heading_deg: None,
             keyframe: None,
             rest_deg: BTreeMap::new(),
+            posture: BTreeMap::new(),
             add: Vec::new(),
             body_contacts: true,
             actuators: true,
@@ -439,6 +444,9 @@ impl MujocoConfig {
         }
         for value in self.rest_deg.values().flat_map(|angle| Side::BOTH.map(|side| angle.of(side))) {
             check("rest_deg", value, value.is_finite(), "finite")?;
+        }
+        for value in self.posture.values().flat_map(|posture| posture.numbers()) {
+            check("posture", value, value.abs() <= 720.0, "-720 to 720")?;
         }
         let heading_deg = self.heading_deg.unwrap_or(0.0);
         check("heading_deg", heading_deg, heading_deg.abs() <= 360.0, "-360 to 360")?;

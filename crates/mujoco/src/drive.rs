@@ -82,9 +82,9 @@ impl MujocoRobot {
         let (speed, momentum) = (self.data.subtree_linvel()[torso], self.data.subtree_angmom()[torso]);
         let (mass_kg, gravity) = (self.description.mass_kg, self.gravity_m_s2());
         let mut wrench = strap.wrench(self.base_qpos(), speed, momentum, mass_kg, gravity);
-        // Forces act at the body's centre of mass, and the strap is at its origin.
-        let (origin, centre) = (self.data.xpos()[self.binding.torso], self.data.xipos()[self.binding.torso]);
-        let arm = [0, 1, 2].map(|k| origin[k] - centre[k]);
+        // Forces act at the body's own centre of mass.
+        let (whole, own) = (self.data.subtree_com()[torso], self.data.xipos()[torso]);
+        let arm = [0, 1, 2].map(|k| whole[k] - own[k]);
         for k in 0..3 {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             wrench[3 + k] += arm[i] * wrench[j] - arm[j] * wrench[i];

@@ -119,6 +119,76 @@ impl From<f64> for RestAngle {
     }
 }
 
+/// What a joint beyond the legs does while the robot walks: it is held at an angle, or driven to and fro with the gait. Angles
+/// in degrees, in the model's sign.
+///
+/// # Example
+///
+/// ```
+/// use stridemap_mujoco::{MujocoConfig, Posture};
+///
+/// let config: MujocoConfig = toml::from_str("posture = { elbow = 40, shoulder = { amplitude_deg = 15 } }")?;
+/// assert_eq!(config.posture["elbow"], Posture::Held(40.0));
+/// let swing = Posture::Driven { rest_deg: 0.0, amplitude_deg: 15.0, phase_deg: 0.0 };
+/// assert_eq!(config.posture["shoulder"], swing);
+/// assert!(toml::from_str::<MujocoConfig>("posture = { elbow = { amplitude = 15 } }").is_err());
+/// # Ok::<(), toml::de::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Posture {
+    /// Held there.
+    Held(f64),
+    /// `rest + amplitude sin(φ + phase)`, φ the phase of the gait as the right leg sees it: what swings with the left
+    /// leg has a phase of 180 more.
+    Driven {
+        /// The middle.
+        rest_deg: f64,
+        /// How far either way.
+        amplitude_deg: f64,
+        /// The phase.
+        phase_deg: f64,
+    },
+}
+
+impl Posture {
+    /// The angle about which it moves.
+    #[must_use]
+    pub const fn rest_deg(self) -> f64 {
+        match self {
+            Self::Held(rest_deg) | Self::Driven { rest_deg, .. } => rest_deg,
+        }
+    }
+
+    /// Every number in it.
+    pub(crate) const fn numbers(self) -> [f64; 3] {
+        match self {
+            Self::Held(rest_deg) => [rest_deg, 0.0, 0.0],
+            Self::Driven { rest_deg, amplitude_deg, phase_deg } => [rest_deg, amplitude_deg, phase_deg],
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Posture {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let driven = |mut numbers: BTreeMap<String, f64>| {
+            let mut take = |key: &str| numbers.remove(key);
+            let (rest, amplitude, phase) = (take("rest_deg"), take("amplitude_deg"), take("phase_deg"));
+            match (amplitude, numbers.is_empty()) {
+                (Some(amplitude_deg), true) => {
+                    Ok(Self::Driven { rest_deg: rest.unwrap_or(0.0), amplitude_deg, phase_deg: phase.unwrap_or(0.0) })
+                }
+                _ => Err("must have amplitude_deg, and may have rest_deg and phase_deg, no others".to_owned()),
+            }
+        };
+        from.deserialize_any(NumberOr(
+            "an angle, or a table of rest_deg, amplitude_deg and phase_deg",
+            Self::Held,
+            driven,
+        ))
+    }
+}
+
 /// Reads a number, or a table of numbers. (An untagged enum would say of a typo only that nothing fits.)
 struct NumberOr<T>(&'static str, fn(f64) -> T, fn(BTreeMap<String, f64>) -> Result<T, String>);
 

@@ -59,12 +59,13 @@ impl Wiring {
             robot.legs[(side, joint)].map_or(else_at.min(n.saturating_sub(1)), |role| role.joint)
         };
         let (hip, knee) = (at(Side::Left, LegJoint::HipPitch, 1), at(Side::Left, LegJoint::Knee, 2));
+        let (roll, yaw) = (at(Side::Left, LegJoint::HipRoll, 0), at(Side::Left, LegJoint::HipYaw, 2));
         let (mut readings, mut commands) = (straight.clone(), straight);
         match fault {
             Some(WiringFault::CommandOrder) => commands.swap(hip, knee),
             Some(WiringFault::JointOrder) => {
-                readings.swap(hip, knee);
-                commands.swap(hip, knee);
+                readings.swap(roll, yaw);
+                commands.swap(roll, yaw);
             }
             Some(WiringFault::LegsExchanged) => {
                 for joint in LEG_JOINTS {

@@ -3,9 +3,11 @@
 use stridemap_robot::Hold;
 use stridemap_robot::kinematics::{inverse, of_rotation_vector, product, rotation_vector};
 
-/// Natural frequency of the base in the strap along ways and about axes.
+/// Natural frequency of the robot in the strap along ways; about axes while it hangs, slower than a joint moves, so that the base
+/// answers; and about axes while it stands.
 const WAY_RAD_S: f64 = 12.0;
-const TURN_RAD_S: f64 = 8.0;
+const HANGING_RAD_S: f64 = 3.0;
+const STANDING_RAD_S: f64 = 12.0;
 /// Radius of gyration of a robot of 1 m: what a turn of the base has to move.
 const GYRATION_M: f64 = 0.3;
 
@@ -21,7 +23,7 @@ pub(crate) struct Strap {
 }
 
 impl Strap {
-    /// Force at the base's origin and torque, in the world.
+    /// Force at the centre of mass of the whole robot, so that it hangs as it is turned, and torque, in the world.
     ///
     /// It is damped by the motion of the whole robot, which no small body at its end makes stiff: `speed_m_s` of its centre of
     /// mass, `momentum` about that.
@@ -43,6 +45,7 @@ impl Strap {
         let wanted = product(product(product(about(2), about(1)), about(0)), self.attitude);
         let error = rotation_vector(product(wanted, inverse(now)));
         let inertia = mass_kg * GYRATION_M * GYRATION_M;
+        let turn_rad_s = if self.hold.weight_share < 1.0 { STANDING_RAD_S } else { HANGING_RAD_S };
         let mut wrench = [0.0; 6];
         for k in 0..3 {
             let raised = if k == 2 { self.hold.raised_m } else { 0.0 };
@@ -51,7 +54,7 @@ impl Strap {
             let way = self.place_m[k] + raised - place[k];
             let carried = self.hold.weight_share * gravity[k];
             wrench[k] = mass_kg * (stiffness * way - 2.0 * WAY_RAD_S * speed_m_s[k] - carried);
-            wrench[3 + k] = inertia * TURN_RAD_S * TURN_RAD_S * error[k] - 2.0 * TURN_RAD_S * momentum[k];
+            wrench[3 + k] = inertia * turn_rad_s * turn_rad_s * error[k] - 2.0 * turn_rad_s * momentum[k];
         }
         wrench
     }
@@ -71,6 +74,6 @@ mod tests {
         assert!((here[2] - 98.1).abs() < 1e-9 && here[0].abs() + here[4].abs() < 1e-9);
         let [w, x, y, z] = of_rotation_vector([0.0, 0.2, 0.0]);
         let pitched = strap.wrench([0.0, 0.0, 0.7, w, x, y, z], [0.0; 3], [0.0; 3], 10.0, gravity);
-        assert!((pitched[4] + 10.0 * 0.09 * 64.0 * 0.2).abs() < 1e-9);
+        assert!((pitched[4] + 10.0 * 0.09 * HANGING_RAD_S * HANGING_RAD_S * 0.2).abs() < 1e-9);
     }
 }

@@ -76,7 +76,7 @@ fn a_held_robot_hangs_and_is_turned() {
     robot.reset(&rest, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
     let height = robot.state().base.position_m[2];
     let hold = Hold { turned_rad: [0.0, 0.2, 0.0], raised_m: 0.2, weight_share: 1.0 };
-    for _ in 0..100 {
+    for _ in 0..250 {
         robot.hold(Some(hold)).unwrap();
         robot.step(&rest).unwrap();
     }

@@ -23,6 +23,6 @@ mod view;
 
 pub use error::{ReportError, Result};
 pub use figure::{Figure, HoverPoint, write_aside};
-pub use page::{report_html, write_report};
+pub use page::{film_html, report_html, write_report};
 pub use report::{Section, sections, write_figures};
 pub use view::{RERUN_STREAM, view_lines, write_mcap};

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::error::{ReportError, Result};
 use crate::figure::Figure;
 use crate::figures::{
-    actions, fig10, learning_curves, map_lines, map_slices, map_surface, policy, predicted_actual, pushed_one_stride,
-    standardized_residuals, state_over_strides, undisturbed_return_maps,
+    actions, fig10, learning_curves, map_lines, map_slices, map_surface, path, policy, predicted_actual,
+    pushed_one_stride, standardized_residuals, state_over_strides, undisturbed_return_maps,
 };
 use stridemap_record::{PushOutcome, Run};
 
@@ -50,6 +50,9 @@ fn learned_at_all(run: &Run) -> Section {
         let nominal =
             "No policy that was tried on the robot beats the nominal gait: the nominal gait is the final policy.";
         section.notes.push(nominal.to_owned());
+    }
+    if !run.columns.goal.is_empty() {
+        section.draw("Path on the floor", path(run));
     }
     section.draw("Learning curve", learning_curves(run));
     section.draw("State over strides", state_over_strides(run));

@@ -174,6 +174,11 @@ fn entity(what: &str, index: usize, shape: &Shape, time_s: f64) -> Value {
     let pose = pose(&shape.pose);
     let cube = |x: f64, y: f64, z: f64| json!({ "pose": pose, "size": { "x": 2.0 * x, "y": 2.0 * y, "z": 2.0 * z }, "color": color });
     let (kind, primitive) = match shape.kind {
+        ShapeKind::Mesh { ref vertices_m, ref triangles } => {
+            let points: Vec<Value> = vertices_m.iter().map(|[x, y, z]| json!({ "x": x, "y": y, "z": z })).collect();
+            let indices: Vec<u32> = triangles.iter().flatten().copied().collect();
+            ("triangles", json!({ "pose": pose, "points": points, "color": color, "colors": [], "indices": indices }))
+        }
         ShapeKind::Box { half_extents_m: [x, y, z] } => ("cubes", cube(x, y, z)),
         ShapeKind::Sphere { radius_m: r } => ("spheres", cube(r, r, r)),
         ShapeKind::Ellipsoid { semi_axes_m: [x, y, z] } => ("spheres", cube(x, y, z)),

@@ -223,13 +223,18 @@ fn drawing<R: Robot>(robot: &R) -> Result<(), Breach> {
     robot.poses(&mut poses);
     let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
     for shape in robot.geometry() {
-        let sizes = match shape.kind {
-            ShapeKind::Sphere { radius_m } => [radius_m, 1.0, 1.0],
+        let sizes = match &shape.kind {
+            ShapeKind::Sphere { radius_m } => [*radius_m, 1.0, 1.0],
             ShapeKind::Capsule { radius_m, half_length_m } | ShapeKind::Cylinder { radius_m, half_length_m } => {
-                [radius_m, half_length_m, 1.0]
+                [*radius_m, *half_length_m, 1.0]
             }
-            ShapeKind::Ellipsoid { semi_axes_m } => semi_axes_m,
-            ShapeKind::Box { half_extents_m } => half_extents_m,
+            ShapeKind::Ellipsoid { semi_axes_m } => *semi_axes_m,
+            ShapeKind::Box { half_extents_m } => *half_extents_m,
+            ShapeKind::Mesh { vertices_m, triangles } => {
+                let whole = triangles.iter().flatten().all(|corner| (*corner as usize) < vertices_m.len());
+                let placed = vertices_m.iter().flatten().all(|v| v.is_finite());
+                [if whole && placed { 1.0 } else { f64::NAN }; 3]
+            }
         };
         let placed = finite(&shape.pose.position_m) && finite(&shape.pose.orientation);
         if !finite(&sizes) || sizes.iter().any(|s| *s < 0.0) || !placed {

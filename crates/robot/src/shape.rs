@@ -18,7 +18,7 @@ impl Default for Pose {
 }
 
 /// Form and size of a shape, in its own frame.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "type")]
 pub enum ShapeKind {
     /// A ball about the origin.
@@ -45,19 +45,33 @@ pub enum ShapeKind {
         /// Semi-axes along x, y, z.
         semi_axes_m: [f64; 3],
     },
-    /// A box; also stands for a mesh, as its bounding box.
+    /// A box.
     Box {
         /// Half the edges along x, y, z.
         half_extents_m: [f64; 3],
     },
+    /// A surface of triangles, coarse enough to be drawn many times a second.
+    Mesh {
+        /// Corners, x, y, z.
+        vertices_m: Vec<[f32; 3]>,
+        /// Three corners each, by index, anticlockwise seen from outside.
+        triangles: Vec<[u32; 3]>,
+    },
 }
 
 impl ShapeKind {
-    /// Volume, cubic metres.
+    /// Volume, cubic metres; of a mesh, that of the box along its axes that holds it.
     #[must_use]
-    pub fn volume_m3(self) -> f64 {
+    pub fn volume_m3(&self) -> f64 {
         use std::f64::consts::PI;
         match self {
+            Self::Mesh { vertices_m, .. } => {
+                let edge = |axis: usize| {
+                    let along = || vertices_m.iter().map(|v| f64::from(v[axis]));
+                    (along().fold(f64::MIN, f64::max) - along().fold(f64::MAX, f64::min)).max(0.0)
+                };
+                edge(0) * edge(1) * edge(2)
+            }
             Self::Box { half_extents_m: [x, y, z] } => 8.0 * x * y * z,
             Self::Sphere { radius_m: r } => 4.0 / 3.0 * PI * r.powi(3),
             Self::Ellipsoid { semi_axes_m: [x, y, z] } => 4.0 / 3.0 * PI * x * y * z,

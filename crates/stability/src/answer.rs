@@ -14,8 +14,9 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Of draws; the draws are sorted.
-    pub(crate) fn of(mut draws: Vec<f64>) -> Self {
+    /// Median and 2.5 and 97.5 % of draws.
+    #[must_use]
+    pub fn of(mut draws: Vec<f64>) -> Self {
         draws.sort_by(f64::total_cmp);
         let at = |q: f64| quantile(&draws, q);
         Self { value: at(0.5), low: at(0.025), high: at(0.975) }

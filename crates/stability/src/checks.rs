@@ -4,11 +4,12 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::sampler::{MOST, Model, Moments, Series, backward_n};
+use crate::linear::{MOST, MOST_ACTIONS, Model, Moments, Series, backward_n};
 use crate::small::{Mat, cholesky, inverse_wishart, modes, normal, times_transposed};
 
-/// Lags of the portmanteau tests.
+/// Lags of the portmanteau tests: of states, and of prediction errors, where long memory is what a linear map leaves.
 const LAGS: usize = 4;
+const ERROR_LAGS: usize = 10;
 
 /// Rows of a series by stretch, of any width.
 type Rows = Vec<Vec<Vec<f64>>>;
@@ -17,13 +18,13 @@ fn chi_squared_above(x: f64, dof: f64) -> f64 {
     ChiSquared::new(dof).map_or(1.0, |d| d.sf(x.max(0.0)))
 }
 
-/// The p-value of Hosking's (1980) portmanteau statistic at lags 1 to 4: whether `later` is correlated with
+/// The p-value of Hosking's (1980) portmanteau statistic at `lags` from 1 on: whether `later` is correlated with
 /// `earlier`, strides before; `fitted` parameters are taken off its degrees of freedom.
 ///
 /// ```text
 /// n² Σ tr(C_l C_zz⁻¹ C_l' C_yy⁻¹) / (n - l),   C_l = mean y(k) z(k-l)'
 /// ```
-fn portmanteau(later: &Rows, earlier: &Rows, fitted: usize) -> f64 {
+fn portmanteau(later: &Rows, earlier: &Rows, lags: usize, fitted: usize) -> f64 {
     let n: usize = later.iter().map(Vec::len).sum();
     let (Some(dy), Some(dz)) = (wide(later), wide(earlier)) else { return 1.0 };
     let covariance = |rows: &Rows, d: usize| {
@@ -35,7 +36,7 @@ fn portmanteau(later: &Rows, earlier: &Rows, fitted: usize) -> f64 {
     };
     let (Some(yy), Some(zz)) = (covariance(later, dy), covariance(earlier, dz)) else { return 1.0 };
     let mut statistic = 0.0;
-    for lag in 1..=LAGS {
+    for lag in 1..=lags {
         let mut c = DMatrix::zeros(dy, dz);
         let mut pairs = 0;
         for (y, z) in later.iter().zip(earlier) {
@@ -47,7 +48,7 @@ fn portmanteau(later: &Rows, earlier: &Rows, fitted: usize) -> f64 {
         c /= n as f64;
         statistic += (&c * &zz * c.transpose() * &yy).trace() * (n * n) as f64 / pairs.max(1) as f64;
     }
-    chi_squared_above(statistic, (LAGS * dy * dz).saturating_sub(fitted).max(1) as f64)
+    chi_squared_above(statistic, (lags * dy * dz).saturating_sub(fitted).max(1) as f64)
 }
 
 fn wide(rows: &Rows) -> Option<usize> {
@@ -59,16 +60,16 @@ fn wide(rows: &Rows) -> Option<usize> {
 pub(crate) fn excited<const D: usize>(series: &Series<D>) -> f64 {
     let states: Rows = series.bouts.iter().map(|b| b.iter().map(|x| x.to_vec()).collect()).collect();
     let both = series.bouts.iter().zip(&series.actions).map(|(x, u)| {
-        let row = |(x, u): (&[f64; D], &[f64; crate::sampler::MOST_ACTIONS])| [x, &u[..series.m]].concat();
+        let row = |(x, u): (&[f64; D], &[f64; MOST_ACTIONS])| [x, &u[..series.m]].concat();
         x.iter().zip(u).map(row).collect()
     });
-    portmanteau(&states, &both.collect(), 0)
+    portmanteau(&states, &both.collect(), LAGS, 0)
 }
 
 /// Whether differences of two looks are white in time: slow noise that both looks share does not show in them.
 pub(crate) fn independent_looks<const D: usize>(differences: &[Vec<[f64; D]>]) -> f64 {
     let rows: Rows = differences.iter().map(|b| b.iter().map(|x| x.to_vec()).collect()).collect();
-    portmanteau(&rows, &rows, 0)
+    portmanteau(&rows, &rows, LAGS, 0)
 }
 
 /// One-step prediction errors of a model by the Kalman filter; an exact sensor is the case R = 0.
@@ -107,10 +108,38 @@ pub(crate) fn innovations<const D: usize>(series: &Series<D>, model: &Model<D>) 
     all
 }
 
-/// Whether prediction errors are white: the p-value of their being so.
-pub(crate) fn white<const D: usize>(errors: &[Vec<[f64; D]>], noise_was_fitted: bool) -> f64 {
-    let rows: Rows = errors.iter().map(|b| b.iter().map(|x| x.to_vec()).collect()).collect();
-    portmanteau(&rows, &rows, D * D + if noise_was_fitted { D } else { 0 })
+/// What prediction errors look like: p-values of their being white, of their sizes being so — bursts, as of a walker
+/// who pauses — and of their having the tails of a normal distribution.
+pub(crate) struct Whiteness {
+    pub signed: f64,
+    pub sizes: f64,
+    pub tails: f64,
+}
+
+impl Whiteness {
+    pub(crate) fn of<const D: usize>(errors: &[Vec<[f64; D]>], noise_was_fitted: bool) -> Self {
+        let rows: Rows = errors.iter().map(|b| b.iter().map(|x| x.to_vec()).collect()).collect();
+        let signed = portmanteau(&rows, &rows, ERROR_LAGS, D * D + if noise_was_fitted { D } else { 0 });
+        let n = errors.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let mean = |f: &dyn Fn(f64) -> f64, i: usize| errors.iter().flatten().map(|e| f(e[i])).sum::<f64>() / n;
+        let usual: [f64; D] = std::array::from_fn(|i| mean(&f64::abs, i));
+        let size = |e: &[f64; D]| e.iter().zip(&usual).map(|(e, m)| e.abs() - m).collect();
+        let sizes: Rows = errors.iter().map(|b| b.iter().map(size).collect()).collect();
+        // Excess kurtosis has variance 24 / n.
+        let heavy = (0..D).map(|i| {
+            let excess = mean(&|e| e.powi(4), i) / mean(&|e| e * e, i).powi(2).max(1e-300) - 3.0;
+            if excess > 0.0 { chi_squared_above(n * excess * excess / 24.0, 1.0) } else { 1.0 }
+        });
+        let tails = (D as f64 * heavy.fold(1.0, f64::min)).min(1.0);
+        Self { signed, sizes: portmanteau(&sizes, &sizes, LAGS, 0), tails }
+    }
+
+    /// The p-value of all being well, by Bonferroni. Tails count where the sensor's noise was estimated: an outlier is
+    /// then taken for noise or for memory, as it comes; otherwise they do no harm to a linear map.
+    pub(crate) fn p(&self, noise_was_fitted: bool) -> f64 {
+        let least = self.signed.min(self.sizes);
+        if noise_was_fitted { (3.0 * least.min(self.tails)).min(1.0) } else { (2.0 * least).min(1.0) }
+    }
 }
 
 /// Whether the mean is the same in both halves of the record: the p-value of its being so, by the score test of a
@@ -201,7 +230,7 @@ mod tests {
 
     #[test]
     fn checks_fire_one_time_in_twenty_without_cause_and_often_with_it() {
-        let white = |s: &Series<1>| white(&innovations(s, &least_squares(s)), false);
+        let white = |s: &Series<1>| Whiteness::of(&innovations(s, &least_squares(s)), false).p(false);
         let steady = |s: &Series<1>| steady_mean(s, &innovations(s, &least_squares(s)));
         assert!((0.01..=0.10).contains(&share(white, 0.6, 0.0)), "{}", share(white, 0.6, 0.0));
         assert!((0.01..=0.10).contains(&share(steady, 0.6, 0.0)), "{}", share(steady, 0.6, 0.0));

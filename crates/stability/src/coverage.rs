@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::answer::Estimate;
 use crate::error::StabilityError;
+use crate::linear::Moments;
 use crate::multipliers::{SensorKnowledge, draw, least_squares, strides_needed};
 use crate::record::{Bout, Record, Standardised};
-use crate::sampler::Moments;
 use crate::small::{Mat, apply, backward, cholesky, forward, inverse, modes, normal, stationary, times};
 
 /// Names of the three numbers of a system.

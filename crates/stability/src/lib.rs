@@ -34,13 +34,19 @@ mod answer;
 mod checks;
 pub mod coverage;
 mod error;
+mod fall;
+pub mod fall_study;
+mod filter;
+mod linear;
 mod multipliers;
+mod page;
 mod record;
 mod rule;
 mod sampler;
 mod small;
+mod student;
 
-pub use analysis::{Options, analyse};
+pub use analysis::{Examined, Options, analyse, examine};
 pub use answer::{
     Analysis, Bounds, Check, Checks, CountsOnly, Estimate, FallBounds, LongEnough, Method, Multipliers, NoiseSource,
     RecordSummary, Refusal, SensorNoise, StridesToFall, Unstable,

@@ -7,10 +7,11 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 use crate::answer::{
     Check, Checks, Estimate, LongEnough, Method, Multipliers, NoiseSource, Refusal, SensorNoise, Unstable,
 };
-use crate::checks::{excited, growing, independent_looks, innovations, steady_mean, white};
+use crate::checks::{Whiteness, excited, growing, independent_looks, innovations, steady_mean};
 use crate::error::StabilityError;
+use crate::linear::{Looks, Model, Moments, Sensor};
 use crate::record::{Record, Standardised};
-use crate::sampler::{Draws, Looks, Model, Moments, Sensor, Settings, sample};
+use crate::sampler::{Draws, Settings, sample};
 use crate::small::{Mat, modes};
 
 /// What is known of the sensor's noise.
@@ -38,14 +39,15 @@ pub(crate) fn least_squares<const D: usize>(data: &Standardised<D>) -> Mat<D> {
 }
 
 /// What a record says of its multipliers.
-#[allow(dead_code, reason = "figures come next")]
 pub(crate) struct Found {
     pub multipliers: Option<Multipliers>,
     pub checks: Checks,
     pub refused: Vec<Refusal>,
-    /// Draws of the three modes, for figures; of the whole record.
-    pub modes: Vec<[f64; 3]>,
-    /// One-step prediction errors of the model in units of its components' standard deviation.
+    /// Whether one map holds for the whole record, however heavy the tails of its noise.
+    pub one_map: bool,
+    /// Multipliers of draws of the whole record, real and imaginary parts.
+    pub eigenvalues: Vec<[f64; 2]>,
+    /// One-step prediction errors of the model, by stretch, in standard deviations of the state's components.
     pub errors: Vec<Vec<Vec<f64>>>,
 }
 
@@ -78,8 +80,9 @@ pub(crate) fn find<const D: usize>(
     let strides = record.strides();
     let needed = strides_needed(D);
     let grows = growing(&data.series, &mut stream(seed, 9));
+    let whiteness = Whiteness::of(&errors, drawn.fitted_noise);
     let [excited, white_residuals, steady_mean] =
-        [excited(&data.series), white(&errors, drawn.fitted_noise), steady_mean(&data.series, &errors)];
+        [excited(&data.series), whiteness.p(drawn.fitted_noise), steady_mean(&data.series, &errors)];
     let checks = Checks {
         excited: Check { p: excited, pass: excited < LEVEL },
         white_residuals: Check { p: white_residuals, pass: white_residuals >= LEVEL },
@@ -89,7 +92,8 @@ pub(crate) fn find<const D: usize>(
     };
     let multipliers = answer(record, &data, &knowledge, &drawn, &checks, seed, &mut refused);
     let errors = errors.iter().map(|b| b.iter().map(|e| e.to_vec()).collect()).collect();
-    Ok(Found { multipliers, checks, refused, modes: drawn.draws, errors })
+    let one_map = checks.steady_mean.pass && whiteness.signed >= LEVEL;
+    Ok(Found { one_map, multipliers, checks, refused, eigenvalues: drawn.eigenvalues, errors })
 }
 
 /// What is refused, and what is left to say.
@@ -166,6 +170,7 @@ fn half_life_strides(modulus: f64) -> f64 {
 pub(crate) struct Drawn<const D: usize> {
     /// Largest modulus, largest and smallest real part.
     pub draws: Vec<[f64; 3]>,
+    eigenvalues: Vec<[f64; 2]>,
     model: Model<D>,
     source: NoiseSource,
     /// Whether some component's noise was estimated from the record alone.
@@ -237,8 +242,8 @@ pub(crate) fn draw<const D: usize>(
         Sensor::Noisy { .. } => (400, 1000, 2),
     };
     let settings = Settings { steady, kappa, burn, keep, thin };
-    let Draws { modes, mean, .. } = sample(&data.series, &sensor, &settings, stream(seed, piece));
-    Drawn { draws: modes, model: mean, source, fitted_noise: !all_known && data_looks(knowledge) }
+    let Draws { modes, eigenvalues, mean } = sample(&data.series, &sensor, &settings, stream(seed, piece));
+    Drawn { draws: modes, eigenvalues, model: mean, source, fitted_noise: !all_known && data_looks(knowledge) }
 }
 
 /// Whether nothing but the record says how noisy the sensor is.

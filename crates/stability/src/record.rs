@@ -1,7 +1,8 @@
 //! A record of strides: what is known of a robot that walked.
 
 use crate::error::StabilityError;
-use crate::sampler::{Looks, MOST_ACTIONS, Series};
+use crate::linear::{Looks, MOST_ACTIONS, Series};
+use crate::rule::FallRule;
 
 /// Most components of a state.
 pub const MOST_STATES: usize = 5;
@@ -32,6 +33,21 @@ pub struct Bout {
     pub fell: bool,
     /// The state at that fall, if a section was seen.
     pub fallen_state: Option<Vec<f64>>,
+}
+
+impl Bout {
+    /// The rows from `from` up to `to`, which did not end in a fall.
+    fn part(&self, from: usize, to: usize) -> Self {
+        let cut = |rows: &[Vec<f64>]| rows.get(from..to).map(<[_]>::to_vec).unwrap_or_default();
+        Self {
+            states: cut(&self.states),
+            second_looks: cut(&self.second_looks),
+            actions: cut(&self.actions),
+            sides: self.sides.get(from..to).map(<[_]>::to_vec).unwrap_or_default(),
+            fell: false,
+            fallen_state: None,
+        }
+    }
 }
 
 impl Record {
@@ -90,6 +106,33 @@ impl Record {
         Ok(())
     }
 
+    /// The record with every state beyond the rule taken as the fall in which its stretch ends.
+    pub(crate) fn fallen(mut self, component: usize, rule: &FallRule) -> Self {
+        let mut bouts = Vec::new();
+        for mut bout in std::mem::take(&mut self.bouts) {
+            let mut from = 0;
+            for k in 0..bout.states.len() {
+                if rule.is_fall(bout.states[k][component]) {
+                    let before = bout.part(from, k);
+                    if before.states.is_empty() {
+                        from = k + 1;
+                        continue;
+                    }
+                    bouts.push(Bout { fell: true, fallen_state: Some(bout.states[k].clone()), ..before });
+                    from = k + 1;
+                }
+            }
+            let (fell, end) = (bout.fell, bout.states.len());
+            let state = bout.fallen_state.take();
+            let rest = bout.part(from, end);
+            if !rest.states.is_empty() {
+                bouts.push(Bout { fell, fallen_state: state, ..rest });
+            }
+        }
+        self.bouts = bouts;
+        self
+    }
+
     /// `count` pieces of equal length, one after the other.
     pub(crate) fn pieces(&self, count: usize) -> Vec<Self> {
         let all = self.strides();
@@ -106,15 +149,8 @@ impl Record {
             let (a, b) = (from.clamp(first, first + n) - first, to.clamp(first, first + n) - first);
             first += n;
             if a < b {
-                let cut = |rows: &[Vec<f64>]| rows.get(a..b).map(<[_]>::to_vec).unwrap_or_default();
-                bouts.push(Bout {
-                    states: cut(&bout.states),
-                    second_looks: cut(&bout.second_looks),
-                    actions: cut(&bout.actions),
-                    sides: bout.sides.get(a..b).map(<[_]>::to_vec).unwrap_or_default(),
-                    fell: bout.fell && b == n,
-                    fallen_state: bout.fallen_state.clone().filter(|_| b == n),
-                });
+                let fallen_state = bout.fallen_state.clone().filter(|_| b == n);
+                bouts.push(Bout { fell: bout.fell && b == n, fallen_state, ..bout.part(a, b) });
             }
         }
         Self { bouts, ..self.clone() }
@@ -122,11 +158,9 @@ impl Record {
 }
 
 /// A record in components of zero mean and unit variance.
-#[allow(dead_code, reason = "figures come next")]
 pub(crate) struct Standardised<const D: usize> {
     pub series: Series<D>,
-    /// Means and standard deviations taken out.
-    pub means: [f64; D],
+    /// Standard deviations taken out.
     pub stds: [f64; D],
     /// Differences of two looks, where there are two at every section.
     pub looks: Option<Looks<D>>,
@@ -175,7 +209,7 @@ impl<const D: usize> Standardised<D> {
             record.bouts.iter().map(of).collect()
         };
         let n = record.strides() as f64;
-        let means = std::array::from_fn(|i| bouts.iter().flatten().map(|x| x[i]).sum::<f64>() / n);
+        let means: [f64; D] = std::array::from_fn(|i| bouts.iter().flatten().map(|x| x[i]).sum::<f64>() / n);
         centre(&mut bouts, &labels(sided));
         centre(&mut differences, &labels(false));
         let squares: [f64; D] = std::array::from_fn(|i| bouts.iter().flatten().map(|x| x[i] * x[i]).sum());
@@ -191,7 +225,7 @@ impl<const D: usize> Standardised<D> {
             count: n - 1.0,
         });
         let (actions, m) = Self::actions(record);
-        Ok(Self { series: Series { bouts, actions, m }, means, stds, looks, differences })
+        Ok(Self { series: Series { bouts, actions, m }, stds, looks, differences })
     }
 
     /// Actions of zero mean and unit variance; those that never varied are left out.

@@ -20,15 +20,13 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use crate::filter::Filter;
+use crate::linear::{MOST, Model, Moments, Sensor, Series, backward_n, cholesky_n, forward_n};
 use crate::small::{
-    Mat, Vector, apply, backward, cholesky, fixed_point, forward, gamma, identity, inverse, inverse_wishart, log_det,
-    log_normal, modes, normal, stationary, times, times_transposed,
+    Mat, Vector, apply, cholesky, eigenvalues, fixed_point, gamma, identity, inverse, inverse_wishart, log_det,
+    log_normal, modes, normal, stationary,
 };
 
-/// Most actions that a record may have.
-pub(crate) const MOST_ACTIONS: usize = 6;
-/// Most regressors of a component: states, actions, one.
-pub(crate) const MOST: usize = 12;
 /// Prior variance of b and B, and of a free x(0), in units of the components' variance.
 const WIDE: f64 = 25.0;
 const START: f64 = 4.0;
@@ -37,44 +35,6 @@ const SENSOR_SCALE: f64 = 0.5;
 /// The grid of τ: 30 values from 0.05 to 1.5.
 const TAUS: usize = 30;
 const TAU_STEP: f64 = 0.05;
-
-/// A record in components of zero mean and unit variance.
-pub(crate) struct Series<const D: usize> {
-    /// States of unbroken stretches.
-    pub bouts: Vec<Vec<Vector<D>>>,
-    /// The action after each state; as long as the states.
-    pub actions: Vec<Vec<Vector<MOST_ACTIONS>>>,
-    /// How many of the actions are there.
-    pub m: usize,
-}
-
-impl<const D: usize> Series<D> {
-    pub(crate) fn regressors(&self) -> usize {
-        D + self.m + 1
-    }
-
-    pub(crate) fn regressor(&self, x: &Vector<D>, u: &Vector<MOST_ACTIONS>) -> [f64; MOST] {
-        let mut v = [0.0; MOST];
-        v[..D].copy_from_slice(x);
-        v[D..D + self.m].copy_from_slice(&u[..self.m]);
-        v[D + self.m] = 1.0;
-        v
-    }
-}
-
-/// What is known of the sensor.
-pub(crate) enum Sensor<const D: usize> {
-    /// It has no noise.
-    Exact,
-    /// Its variance, per component, where that is known; and two looks at each section.
-    Noisy { known: [Option<f64>; D], looks: Option<Looks<D>> },
-}
-
-/// Differences of two looks at the same section, whose variance is four times that of their mean's noise.
-pub(crate) struct Looks<const D: usize> {
-    pub squares: Vector<D>,
-    pub count: f64,
-}
 
 /// How the sampler runs.
 pub(crate) struct Settings {
@@ -87,160 +47,14 @@ pub(crate) struct Settings {
     pub thin: usize,
 }
 
-/// A model of the map.
-#[derive(Clone)]
-pub(crate) struct Model<const D: usize> {
-    /// Coefficients, a row per regressor: A', B', b.
-    pub c: [[f64; D]; MOST],
-    pub q: Mat<D>,
-    pub r: Vector<D>,
-}
-
-impl<const D: usize> Model<D> {
-    pub(crate) fn a(&self) -> Mat<D> {
-        let mut a = [[0.0; D]; D];
-        for i in 0..D {
-            for j in 0..D {
-                a[i][j] = self.c[j][i];
-            }
-        }
-        a
-    }
-
-    /// `A x + B u + b`.
-    pub(crate) fn mean(&self, v: &[f64; MOST], p: usize) -> Vector<D> {
-        let mut out = [0.0; D];
-        for i in 0..p {
-            for j in 0..D {
-                out[j] += self.c[i][j] * v[i];
-            }
-        }
-        out
-    }
-}
-
 /// What the sampler drew.
 pub(crate) struct Draws<const D: usize> {
     /// Largest modulus, largest and smallest real part.
     pub modes: Vec<[f64; 3]>,
-    /// Variance of the sensor's noise.
-    pub noise: Vec<Vector<D>>,
+    /// Eigenvalues of some of them, real and imaginary parts.
+    pub eigenvalues: Vec<[f64; 2]>,
     /// The mean of all draws.
     pub mean: Model<D>,
-}
-
-/// Sums over pairs of successive states.
-pub(crate) struct Moments<const D: usize> {
-    xx: [[f64; MOST]; MOST],
-    xy: [[f64; D]; MOST],
-    yy: Mat<D>,
-    pub n: usize,
-}
-
-impl<const D: usize> Moments<D> {
-    pub(crate) fn of(series: &Series<D>, states: &[Vec<Vector<D>>]) -> Self {
-        let mut m = Self { xx: [[0.0; MOST]; MOST], xy: [[0.0; D]; MOST], yy: [[0.0; D]; D], n: 0 };
-        let p = series.regressors();
-        for (x, u) in states.iter().zip(&series.actions) {
-            for (k, pair) in x.windows(2).enumerate() {
-                let v = series.regressor(&pair[0], &u[k]);
-                for i in 0..p {
-                    for j in 0..=i {
-                        m.xx[i][j] += v[i] * v[j];
-                    }
-                    for c in 0..D {
-                        m.xy[i][c] += v[i] * pair[1][c];
-                    }
-                }
-                for i in 0..D {
-                    for j in 0..D {
-                        m.yy[i][j] += pair[1][i] * pair[1][j];
-                    }
-                }
-                m.n += 1;
-            }
-        }
-        for i in 0..p {
-            for j in 0..i {
-                m.xx[j][i] = m.xx[i][j];
-            }
-        }
-        m
-    }
-
-    /// Sums of squares and products of the residuals of coefficients.
-    fn residuals(&self, c: &[[f64; D]; MOST], p: usize) -> Mat<D> {
-        let mut s = self.yy;
-        for i in 0..D {
-            for j in 0..D {
-                for r in 0..p {
-                    let fitted: f64 = (0..p).map(|k| self.xx[r][k] * c[k][j]).sum();
-                    s[i][j] += c[r][i] * (fitted - self.xy[r][j]) - self.xy[r][i] * c[r][j];
-                }
-            }
-        }
-        s
-    }
-
-    /// Least squares: coefficients, and the sums of squares of their residuals.
-    pub(crate) fn least_squares(&self, p: usize) -> ([[f64; D]; MOST], Mat<D>) {
-        let l = self.factor(p);
-        let mut c = [[0.0; D]; MOST];
-        for j in 0..D {
-            let mut b: Vec<f64> = (0..p).map(|i| self.xy[i][j]).collect();
-            forward_n(&l, &mut b, p);
-            backward_n(&l, &mut b, p);
-            for i in 0..p {
-                c[i][j] = b[i];
-            }
-        }
-        (c, self.residuals(&c, p))
-    }
-
-    /// The factor of `X'X`.
-    pub(crate) fn factor(&self, p: usize) -> Vec<f64> {
-        let mut h = vec![0.0; p * p];
-        for i in 0..p {
-            for j in 0..=i {
-                h[i * p + j] = self.xx[i][j] * if i == j { 1.0 + 1e-12 } else { 1.0 };
-            }
-        }
-        cholesky_n(&mut h, p);
-        h
-    }
-}
-
-/// The Cholesky factor in place of the lower triangle.
-fn cholesky_n(h: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..=i {
-            let mut t = h[i * n + j];
-            for k in 0..j {
-                t -= h[i * n + k] * h[j * n + k];
-            }
-            h[i * n + j] = if i == j { t.max(1e-14).sqrt() } else { t / h[j * n + j] };
-        }
-    }
-}
-
-fn forward_n(l: &[f64], b: &mut [f64], n: usize) {
-    for i in 0..n {
-        let mut t = b[i];
-        for k in 0..i {
-            t -= l[i * n + k] * b[k];
-        }
-        b[i] = t / l[i * n + i];
-    }
-}
-
-pub(crate) fn backward_n(l: &[f64], b: &mut [f64], n: usize) {
-    for i in (0..n).rev() {
-        let mut t = b[i];
-        for k in i + 1..n {
-            t -= l[k * n + i] * b[k];
-        }
-        b[i] = t / l[i * n + i];
-    }
 }
 
 /// What the weight of step 4 needs of a model; kept while the model is.
@@ -267,76 +81,6 @@ struct Chain<'a, const D: usize> {
     log_taus: [f64; TAUS],
     scratch: Vec<f64>,
     filter: Filter<D>,
-}
-
-/// The filter's gains, which do not depend on the data: they settle within a few strides and are then used again.
-#[derive(Default)]
-struct Filter<const D: usize> {
-    /// Gains of the components' scalar updates.
-    gains: Vec<Mat<D>>,
-    filtered: Vec<Mat<D>>,
-    /// Smoother gain and factor of the covariance of x(k) given x(k+1).
-    smooth: Vec<(Mat<D>, Mat<D>)>,
-    means: Vec<Vector<D>>,
-}
-
-impl<const D: usize> Filter<D> {
-    /// Gains for a stretch of `n` states.
-    fn prepare(&mut self, n: usize, start: &Mat<D>, a: &Mat<D>, q: &Mat<D>, r: &Vector<D>) {
-        const SETTLED: f64 = 1e-11;
-        self.gains.clear();
-        self.filtered.clear();
-        self.smooth.clear();
-        let mut predicted = *start;
-        while self.gains.len() < n {
-            let mut p = predicted;
-            let mut gains = [[0.0; D]; D];
-            for i in 0..D {
-                let row = p[i];
-                let scale = 1.0 / (row[i] + r[i]).max(1e-300);
-                for c in 0..D {
-                    gains[i][c] = row[c] * scale;
-                    for (e, w) in p[c].iter_mut().zip(&row) {
-                        *e -= row[c] * scale * w;
-                    }
-                }
-            }
-            let ap = times(a, &p);
-            let mut next = times_transposed(&ap, a);
-            for i in 0..D {
-                for j in 0..D {
-                    next[i][j] += q[i][j];
-                }
-            }
-            // J = F A' S⁻¹ with S = A F A' + Q; F - J S J' is the covariance given the next state.
-            let l = cholesky(&next);
-            let (mut j, mut left) = ([[0.0; D]; D], p);
-            let mut v = [[0.0; D]; D];
-            for c in 0..D {
-                let mut column = [0.0; D];
-                for i in 0..D {
-                    column[i] = ap[i][c];
-                }
-                v[c] = forward(&l, column);
-                j[c] = backward(&l, v[c]);
-            }
-            for i in 0..D {
-                for c in 0..D {
-                    left[i][c] -= (0..D).map(|k| v[i][k] * v[c][k]).sum::<f64>();
-                }
-                left[i][i] += 1e-12;
-            }
-            self.gains.push(gains);
-            self.filtered.push(p);
-            self.smooth.push((j, cholesky(&left)));
-            let apart = (0..D).flat_map(|i| (0..D).map(move |j| (i, j)));
-            let apart = apart.fold(0.0_f64, |most, (i, j)| most.max((next[i][j] - predicted[i][j]).abs()));
-            if self.gains.len() > 1 && apart < SETTLED {
-                break;
-            }
-            predicted = next;
-        }
-    }
 }
 
 impl<'a, const D: usize> Chain<'a, D> {
@@ -575,18 +319,21 @@ pub(crate) fn sample<const D: usize>(
 ) -> Draws<D> {
     let mut chain = Chain::new(series, sensor, settings, rng);
     let mean = Model { c: [[0.0; D]; MOST], q: [[0.0; D]; D], r: [0.0; D] };
-    let mut draws = Draws { modes: Vec::with_capacity(settings.keep), noise: Vec::new(), mean };
+    let mut draws = Draws { modes: Vec::with_capacity(settings.keep), eigenvalues: Vec::new(), mean };
     for _ in 0..settings.burn {
         chain.sweep();
     }
     let share = 1.0 / settings.keep as f64;
-    for _ in 0..settings.keep {
+    const SHOWN: usize = 200;
+    for number in 0..settings.keep {
         for _ in 0..settings.thin {
             chain.sweep();
         }
         let model = &chain.model;
         draws.modes.push(modes(&model.a()));
-        draws.noise.push(model.r);
+        if number % settings.keep.div_ceil(SHOWN) == 0 {
+            draws.eigenvalues.extend(eigenvalues(&model.a()));
+        }
         for i in 0..D {
             draws.mean.r[i] += share * model.r[i];
             for j in 0..D {

@@ -210,6 +210,12 @@ pub(crate) fn inverse_wishart<const D: usize>(s: &Mat<D>, dof: f64, rng: &mut im
     times_transposed(&m, &m)
 }
 
+/// Real and imaginary parts of the eigenvalues.
+pub(crate) fn eigenvalues<const D: usize>(a: &Mat<D>) -> Vec<[f64; 2]> {
+    let found = DMatrix::from_fn(D, D, |i, j| a[i][j]).complex_eigenvalues();
+    found.iter().map(|z| [z.re, z.im]).collect()
+}
+
 /// Largest modulus, largest real part and smallest real part of the eigenvalues.
 pub(crate) fn modes<const D: usize>(a: &Mat<D>) -> [f64; 3] {
     match D {
@@ -223,12 +229,9 @@ pub(crate) fn modes<const D: usize>(a: &Mat<D>) -> [f64; 3] {
             let root = discriminant.sqrt();
             [half_trace.abs() + root, half_trace + root, half_trace - root]
         }
-        _ => {
-            let eigenvalues = DMatrix::from_fn(D, D, |i, j| a[i][j]).complex_eigenvalues();
-            eigenvalues.iter().fold([0.0, f64::NEG_INFINITY, f64::INFINITY], |[rho, slow, flip], z| {
-                [rho.max(z.norm()), slow.max(z.re), flip.min(z.re)]
-            })
-        }
+        _ => eigenvalues(a).iter().fold([0.0, f64::NEG_INFINITY, f64::INFINITY], |[rho, slow, flip], [re, im]| {
+            [rho.max(re.hypot(*im)), slow.max(*re), flip.min(*re)]
+        }),
     }
 }
 

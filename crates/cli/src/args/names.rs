@@ -7,6 +7,10 @@ use clap::ValueEnum;
 pub enum BenchOf {
     /// Public robots.
     Robots,
+    /// Whether intervals of multipliers hold the truth, on random linear systems.
+    Coverage,
+    /// Whether bounds on falls hold the truth, on systems whose falls can be counted.
+    TimeToFall,
     /// How pretrained networks walk, raw.
     Walk,
     /// Whether faults of the wiring are named before anything is learned.

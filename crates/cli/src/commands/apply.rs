@@ -215,11 +215,13 @@ pub fn run(
 }
 
 /// Says what a walking run's data and map are worth: held-out residuals, and the flip.
-pub fn analyse(path: &Path, common: &Common) -> Result<(), Failure> {
+pub fn analyse_map(path: &Path, common: &Common) -> Result<(), Failure> {
     let run = FinishedRun::open(path, &common.sets)?;
     say_differences(path);
     if run.progress.proofs().is_empty() {
-        return Err(Failure::request("analyse needs a run that proves its policies, as those of `learn walking` do"));
+        return Err(Failure::request(
+            "analyse --map needs a run that proves its policies, as those of `learn walking` do",
+        ));
     }
     let found = analyse_run(&run.task, &run.progress, run.provenance.seed)?;
     if common.json {

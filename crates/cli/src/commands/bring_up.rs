@@ -179,27 +179,7 @@ fn put(document: &mut DocumentMut, setting: &GaitSetting, walk: Option<(f64, f64
         (&["gait", "amplitude_deg", "walk"], 0.0, &in_place),
     ];
     for (key, number, why) in numbers {
-        let Some((last, tables)) = key.split_last() else { continue };
-        let mut table: &mut dyn TableLike = document.as_table_mut();
-        // A comment would end an inline table's line.
-        let mut inline = false;
-        for name in tables {
-            let entry = table.entry(name).or_insert_with(|| Item::Table(Table::new()));
-            inline |= entry.is_inline_table();
-            table = entry.as_table_like_mut().ok_or_else(|| {
-                Failure::request(format!("{}: is no table, so that {last} cannot be written into it", tables.join(".")))
-            })?;
-        }
-        let number = format!("{number:.4e}").parse().unwrap_or(number);
-        let mut new = value(number);
-        if let Some(new) = new.as_value_mut() {
-            match table.get(last).and_then(Item::as_value) {
-                Some(old) => *new.decor_mut() = old.decor().clone(),
-                None if !why.is_empty() && !inline => new.decor_mut().set_suffix(format!("  # {why}")),
-                None => {}
-            }
-        }
-        table.insert(last, new);
+        put_number(document, key, number, why)?;
     }
     if let Some(Item::Table(gait)) = document.as_table_mut().get_mut("gait") {
         let before = gait.decor().prefix().and_then(|prefix| prefix.as_str()).unwrap_or("\n");
@@ -210,6 +190,32 @@ fn put(document: &mut DocumentMut, setting: &GaitSetting, walk: Option<(f64, f64
             if kept.is_empty() { "" } else { kept.trim_end_matches('\n') }
         ));
     }
+    Ok(())
+}
+
+/// Puts a number into a task file, with a word on it where it is new.
+fn put_number(document: &mut DocumentMut, key: &[&str], number: f64, why: &str) -> Result<(), Failure> {
+    let Some((last, tables)) = key.split_last() else { return Ok(()) };
+    let mut table: &mut dyn TableLike = document.as_table_mut();
+    // A comment would end an inline table's line.
+    let mut inline = false;
+    for name in tables {
+        let entry = table.entry(name).or_insert_with(|| Item::Table(Table::new()));
+        inline |= entry.is_inline_table();
+        table = entry.as_table_like_mut().ok_or_else(|| {
+            Failure::request(format!("{}: is no table, so that {last} cannot be written into it", tables.join(".")))
+        })?;
+    }
+    let number = format!("{number:.4e}").parse().unwrap_or(number);
+    let mut new = value(number);
+    if let Some(new) = new.as_value_mut() {
+        match table.get(last).and_then(Item::as_value) {
+            Some(old) => *new.decor_mut() = old.decor().clone(),
+            None if !why.is_empty() && !inline => new.decor_mut().set_suffix(format!("  # {why}")),
+            None => {}
+        }
+    }
+    table.insert(last, new);
     Ok(())
 }
 
@@ -230,6 +236,7 @@ struct TunedShown {
     walk: Option<(f64, f64)>,
     gains_replaced: Option<String>,
     task: String,
+    picture: Option<String>,
     best: Try,
 }
 
@@ -256,6 +263,8 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
     (task.robot, task.gait, task.written) = (loaded.task.robot, loaded.task.gait, loaded.task.written);
     let text = std::fs::read_to_string(&path).map_err(|e| Failure::request(format!("{}: {e}", path.display())))?;
     let mut document: DocumentMut = text.parse().map_err(|e| Failure::request(format!("{}: {e}", path.display())))?;
+    let time_step_s = own_time_step_s(&task);
+    task.robot.time_step_s = time_step_s.or(task.robot.time_step_s);
     let replaced = replaced(&task);
     let started = std::time::Instant::now();
     let options = TuneOptions { seed: common.seed, most_tries: tries, walk };
@@ -263,6 +272,9 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
     let found = super::super::parallel::within(common.threads, || search(&task, &options, &mut said))??;
     let best = found.best().clone();
     let steps = best.verdict == GaitVerdict::Steps;
+    let picture = super::picture::tried(&path, &found.tries, steps.then_some(found.chosen))
+        .map_err(|failure| output::note(format!("no picture of the gaits that were tried: {}", failure.error())))
+        .ok();
     if steps {
         let gained = match best.robust {
             Some(robust) => {
@@ -271,6 +283,14 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
             None => format!("found by `stridemap tune` (seed {})", common.seed),
         };
         put(&mut document, &best.setting, best.walk, &gained)?;
+        if let Some(step_s) = time_step_s {
+            put_number(
+                &mut document,
+                &["robot", "time_step_s"],
+                step_s,
+                "the model's own does not go into the control period",
+            )?;
+        }
         if std::fs::read_to_string(&path).ok().as_ref() != Some(&text) {
             return Err(Failure::working(format!(
                 "{}: was edited while the search went on, and is left as it is; run tune again (the same seed finds the same gait)",
@@ -297,6 +317,7 @@ pub fn tune(file: &Path, tries: usize, walk: bool, common: &Common) -> Result<()
         walk: best.walk,
         gains_replaced: replaced.map(|own| format!("{own} by {:.0} N m/rad", best.setting.kp_nm_rad)),
         task: path.display().to_string(),
+        picture: picture.map(|path| path.display().to_string()),
         best,
     };
     if common.json {
@@ -373,6 +394,9 @@ fn show(shown: &TunedShown, name: &str) {
     if let Some(replaced) = &shown.gains_replaced {
         output::line(format!("  stiffness replaced: {replaced}"));
     }
+    if let Some(picture) = &shown.picture {
+        output::line(format!("  every gait that was tried: {picture}"));
+    }
     if shown.steps {
         output::line(format!("wrote {}\n  next: stridemap check {name}, then stridemap learn {name}", shown.task));
     }
@@ -395,6 +419,18 @@ fn in_words(number: usize, tried: &Try) -> String {
         tried.setting.natural_frequency_rad_s,
         1e3 * tried.stepping.clearance_m
     )
+}
+
+/// A physics step that goes into the control period, where the model's own does not and the file names none.
+fn own_time_step_s(task: &Task) -> Option<f64> {
+    let gains = |gains: &Option<stridemap_mujoco::PerJoint>| gains.clone().or_else(|| Some(1.0.into()));
+    let robot = MujocoConfig {
+        kp_nm_rad: gains(&task.robot.kp_nm_rad),
+        kv_nms_rad: gains(&task.robot.kv_nms_rad),
+        ..task.robot.clone()
+    };
+    let refused = matches!(MujocoRobot::new(robot), Err(MujocoError::PeriodNotMultiple { .. }));
+    (refused && task.robot.time_step_s.is_none()).then_some(0.5 * task.robot.control_period_s)
 }
 
 /// The stiffness that the model's servos have of their own.

@@ -150,6 +150,14 @@ fn held(repeated: &Mutex<Repeated>) -> MutexGuard<'_, Repeated> {
     repeated.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Strides from a log; what could not be used is told.
+pub fn strides(task: &Task, log: &Path) -> Result<Vec<Transition>, Failure> {
+    let (strides, found) = strides_of_log(task, log)?;
+    output::note(summary(&found));
+    found.log.notes.iter().for_each(|note| output::note(format!("{}: {note}", log.display())));
+    Ok(strides)
+}
+
 /// Strides from a log, and what could not be used.
 fn strides_of_log(task: &Task, log: &Path) -> Result<(Vec<Transition>, FromLog), Failure> {
     let link = task.link.clone().unwrap_or_default();

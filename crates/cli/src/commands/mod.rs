@@ -1,7 +1,9 @@
 //! One module per group of commands.
 
+pub mod analyse;
 pub mod apply;
 pub mod bench;
+pub mod bench_stability;
 pub mod beside;
 pub mod bring_up;
 pub mod compare;
@@ -12,6 +14,7 @@ pub mod learn;
 pub mod learners;
 pub mod linked;
 pub mod list;
+pub mod picture;
 pub mod preflight;
 pub mod process;
 pub mod replay;

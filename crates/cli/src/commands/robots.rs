@@ -37,20 +37,24 @@ const ROBOTS: [(&str, &str, &str, &str); 12] = [
     ("Alexander", "example-robot-data", DATA, "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf"),
 ];
 
-/// Brings every public robot, or those whose name holds `only`, from its model to a policy; prints the table.
-pub fn robots(out: &Path, seeds: u64, only: Option<&str>) -> Result<(), Failure> {
+/// Heads of the two tables.
+const STEPPING: &str = "| robot | package | map | gait: tries, simulated | robust of 8 | clearance | step | stiffness replaced | learn: improved | \
+         falls final / learning | reward, nominal to final |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
+const WALKING: &str = "| robot | package | gait: tries | constant A_walk: deg, m/s | learned, m/s: each seed | walks 60 s without \
+                       a fall | falls in all runs: final, learning |\n|---|---|---|---|---|---|---|\n";
+
+/// Brings every public robot, or those whose name holds `only`, from its model to a policy that steps in place, or walks; prints
+/// the table.
+pub fn robots(out: &Path, seeds: u64, only: Option<&str>, walk: bool) -> Result<(), Failure> {
     let models = fetched(out)?;
-    let mut rows = String::from(
-        "| robot | package | map | gait: tries, simulated | robust of 8 | clearance | step | stiffness replaced | learn: improved | \
-         falls final / learning | reward, nominal to final |\n|---|---|---|---|---|---|---|---|---|---|---|\n",
-    );
+    let mut rows = String::from(if walk { WALKING } else { STEPPING });
     let named = |name: &str| only.is_none_or(|only| name.to_lowercase().contains(&only.to_lowercase()));
     for (name, package, dir, file) in ROBOTS.into_iter().filter(|(name, ..)| named(name)) {
         output::note(format!("{name}: {file}"));
-        let row = bring_up(out, &models.join(dir).join(file), name, seeds)?;
+        let row = bring_up(out, &models.join(dir).join(file), name, seeds, walk)?;
         let _ = writeln!(rows, "| {name} | {package} | {row} |");
     }
-    let table = out.join("robots.md");
+    let table = out.join(if walk { "robots-walking.md" } else { "robots.md" });
     files::write_whole(&table, rows.as_bytes())?;
     output::line(rows);
     output::note(format!("wrote {}", table.display()));
@@ -95,15 +99,19 @@ fn command(args: &[&str]) -> Result<(bool, Value), Failure> {
 }
 
 /// `init`, `tune` and `learn` of one robot: the rest of its row.
-fn bring_up(out: &Path, model: &Path, name: &str, seeds: u64) -> Result<String, Failure> {
+fn bring_up(out: &Path, model: &Path, name: &str, seeds: u64, walk: bool) -> Result<String, Failure> {
     let plain: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let plain = if walk { format!("{plain}-walk") } else { plain };
     let file = out.join(format!("{plain}.toml"));
     let _ = std::fs::remove_file(&file);
     let (file, model) = (file.display().to_string(), model.display().to_string());
     let (found, map) = command(&["init", "--model", &model, &file, "--json"])?;
     if !found {
         return Ok("not found | | | | | | | |".into());
+    }
+    if walk {
+        return walk_forward(out, &plain, &file, seeds);
     }
     let map = if map["certain"] == true { "certain" } else { "with doubts" };
     let (steps, tuned) = command(&["tune", &file, "--json"])?;
@@ -139,6 +147,40 @@ fn bring_up(out: &Path, model: &Path, name: &str, seeds: u64) -> Result<String, 
         falls[1],
         median(&mut nominal),
         median(&mut rewards)
+    ))
+}
+
+/// `tune --walk` and `learn` of one robot's task file: the rest of its row.
+fn walk_forward(out: &Path, plain: &str, file: &str, seeds: u64) -> Result<String, Failure> {
+    let text = std::fs::read_to_string(file).map_err(|error| Failure::working(format!("{file}: {error}")))?;
+    files::write_whole(Path::new(file), text.replace("\"stepping-auto\"", "\"walking-auto\"").as_bytes())?;
+    let (steps, tuned) = command(&["tune", "--walk", file, "--json"])?;
+    if !steps {
+        return Ok(format!("none steps in {} | | | | ", tuned["tries"]));
+    }
+    let constant = match (tuned["walk"][0].as_f64(), tuned["walk"][1].as_f64()) {
+        (Some(deg), Some(speed_m_s)) => format!("{deg}, {speed_m_s:.2}"),
+        _ => "falls".into(),
+    };
+    let (mut speeds, mut walked, mut falls) = (Vec::new(), 0, [0, 0]);
+    for seed in 1..=seeds {
+        let run = out.join(format!("{plain}-{seed}"));
+        let _ = std::fs::remove_dir_all(&run);
+        let (run, seed) = (run.display().to_string(), seed.to_string());
+        let (learned, summary) = command(&["learn", file, "--seed", &seed, "--out", &run, "--json"])?;
+        let last = &summary["final"];
+        let fell = |of: &Value| ["falls", "stalls"].iter().filter_map(|key| of[key].as_u64()).sum::<u64>();
+        falls[0] += fell(last);
+        falls[1] += summary["iterations"].as_array().into_iter().flatten().map(fell).sum::<u64>();
+        walked += u64::from(learned && summary["improved"] != false && fell(last) == 0);
+        speeds.push(last["speed_m_s"].as_f64().map_or("none".into(), |speed_m_s| format!("{speed_m_s:.2}")));
+    }
+    Ok(format!(
+        "{} | {constant} | {} | {walked} of {seeds} | {}, {}",
+        tuned["tries"],
+        speeds.join(", "),
+        falls[0],
+        falls[1]
     ))
 }
 

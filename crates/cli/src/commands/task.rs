@@ -2,22 +2,26 @@
 
 use std::path::Path;
 
-use stridemap_lab::{builtin, check as look};
+use serde::Serialize;
+use stridemap_lab::{CheckReport, builtin, check_on_film as look};
 
 use super::in_network;
 use crate::args::Common;
 use crate::failure::Failure;
 use crate::output;
-use stridemap_record::files;
+use stridemap_record::{Recording, files};
 
 /// Looks at a task and says whether it can work.
-pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
+pub fn check(name: &str, film: Option<&Path>, common: &Common) -> Result<(), Failure> {
     // What a task leaves to its robot is asked where the gait steps.
-    let mut task = builtin::load(name, &common.sets)?.on(common.robot.map(Into::into), common.seed)?.task;
+    let loaded = builtin::load(name, &common.sets)?.on(common.robot.map(Into::into), common.seed)?;
+    let (file, mut task) = (loaded.file, loaded.task);
     in_network(&mut task, common)?;
-    let report = look(&task, common.seed)?;
+    let mut recording = Recording::default();
+    let report = look(&task, common.seed, Some(&mut recording))?;
+    let film = super::picture::film(film, file.as_deref(), name, &report, &recording)?;
     if common.json {
-        output::json(&report)?;
+        output::json(&Checked { report: &report, film: film.as_ref().map(|path| path.display().to_string()) })?;
     } else {
         for joint in &report.joints {
             let sign = if joint.inverted { "-" } else { " " };
@@ -39,6 +43,9 @@ pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
         for g in &report.gains {
             output::line(format!("      d next {} / d {} = {:+.3} +- {:.3}", g.state, g.action, g.gain, g.std_error));
         }
+        if let Some(film) = film {
+            output::line(format!("a film of the nominal gait: {}", film.display()));
+        }
     }
     if let Some(refused) = report.refused {
         return Err(Failure::request(refused));
@@ -51,6 +58,14 @@ pub fn check(name: &str, common: &Common) -> Result<(), Failure> {
     } else {
         Err(Failure::working(format!("{name} cannot work yet: see what FAILs above")))
     }
+}
+
+/// What `check --json` prints.
+#[derive(Serialize)]
+struct Checked<'a> {
+    #[serde(flatten)]
+    report: &'a CheckReport,
+    film: Option<String>,
 }
 
 /// A task file to start from.

@@ -7,7 +7,8 @@ use super::Task;
 
 /// The gait for which a task's actions were chosen. A task that says so gets bounds, rates, exploration, units, dither and
 /// corrections of its actions in proportion to its own gait: walk and pitch amplitudes by the pitch amplitude, frequencies by
-/// the frequency, crouches by the crouch; leans stay.
+/// the frequency, crouches by the crouch; leans stay. What the guard allows of the pitch rate goes with the frequency, penalties in
+/// m/s against it.
 ///
 /// # Example
 ///
@@ -52,6 +53,14 @@ impl Task {
         }
         for action in &mut self.action {
             action.scale(ratio(&action.modulates));
+        }
+        // Rates of change go with the frequency, and speeds, with legs of a pendulum's length, against it.
+        let quick = ratio("natural_frequency_rad_s");
+        if let Some(caution) = &mut self.caution {
+            caution.guard.pitch_rate_change_deg_s = caution.guard.pitch_rate_change_deg_s.map(|rate| quick * rate);
+            caution.pessimism.flip_free_deg_s *= quick;
+            caution.pessimism.unsafe_penalty /= quick;
+            caution.pessimism.flip_penalty /= quick * quick;
         }
     }
 }

@@ -14,7 +14,7 @@ use crate::error::LabError;
 use crate::nominal::{DOWN, NOMINAL_S, nominal_gait};
 use crate::plant::Push;
 use crate::seed::{Role, stream};
-use crate::stepping::{GaitVerdict, Stepping};
+use crate::stepping::{GaitTrace, GaitVerdict, Stepping};
 use crate::task::Task;
 
 /// Rungs of the ladder.
@@ -27,16 +27,21 @@ const BISECTIONS: usize = 3;
 const SPREAD: f64 = 0.6;
 /// ... of one about a gait that steps and is not robust.
 const NARROW: f64 = 0.3;
-/// Gaits whose robustness is looked at.
-const CANDIDATES: usize = 6;
+/// Gaits whose robustness is looked at, each time.
+const CANDIDATES: usize = 4;
+/// Generations about a gait that steps, until one is robust and regular; so many at least where walking chooses.
+const GENERATIONS: usize = 5;
+const GENERATIONS_TO_WALK: usize = 2;
 /// Variants in which a gait must stay up.
 pub const VARIANTS: usize = 8;
 /// Variants survived by a gait that needs no further search.
 const ROBUST: usize = 7;
 /// [`irregularity`] of a gait that needs no further search: strides alike enough to see what an action does.
-const REGULAR: f64 = 0.5;
+const REGULAR: f64 = 0.4;
+/// Gaits with which walking is tried, the most regular ones.
+const WALKERS: usize = 8;
 /// Forward amplitudes that are tried, in degrees.
-const WALKS_DEG: [f64; 6] = [2.0, 3.0, 4.0, 6.0, 8.0, 10.0];
+const WALKS_DEG: [f64; 8] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0];
 
 /// What is wanted of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +77,9 @@ pub struct Try {
     pub robust: Option<usize>,
     /// Largest forward amplitude with which it stays up, and its speed, where that was looked at.
     pub walk: Option<(f64, f64)>,
+    /// The gait over time.
+    #[serde(skip)]
+    pub trace: GaitTrace,
 }
 
 /// What a search found.
@@ -114,13 +122,17 @@ pub fn tune(task: &Task, options: &TuneOptions, watch: &mut dyn FnMut(usize, &Tr
     }
     search.bisect(&scale)?;
     if search.first.is_none() {
-        search.evolve(&scale, SPREAD, true)?;
+        search.evolve(&scale, SPREAD, &mut |search, _| Ok(search.first.is_some()))?;
     }
     search.look_at_robustness()?;
-    let good = |t: &Try| t.robust >= Some(ROBUST) && irregularity(t) < REGULAR;
-    if search.first.is_some() && search.most_robust().is_none_or(|i| !good(&search.tries[i])) {
-        search.evolve(&scale, NARROW, false)?;
-        search.look_at_robustness()?;
+    if search.first.is_some() {
+        search.evolve(&scale, NARROW, &mut |search, generation| {
+            if generation > 0 {
+                search.look_at_robustness()?;
+            }
+            let enough = generation >= if options.walk { GENERATIONS_TO_WALK } else { 0 };
+            Ok((enough && search.tries.iter().any(good)) || generation == GENERATIONS)
+        })?;
     }
     if options.walk {
         search.walk_forward()?;
@@ -137,7 +149,14 @@ fn score(tried: &Try) -> f64 {
     let s = &tried.stepping;
     let alternation = (s.supports as f64 / s.sections.max(1) as f64).min(1.0);
     let steps = f64::from(u8::from(tried.verdict == GaitVerdict::Steps));
-    tried.survived_s / NOMINAL_S + alternation + (s.clearance_share / 0.01).min(1.0) + 2.0 * steps - 0.02 * s.tilt_deg
+    let regular = steps * (1.0 - irregularity(tried)).max(-1.0);
+    tried.survived_s / NOMINAL_S + alternation + (s.clearance_share / 0.01).min(1.0) + 2.0 * steps + regular
+        - 0.02 * s.tilt_deg
+}
+
+/// Whether a gait needs no further search.
+fn good(tried: &Try) -> bool {
+    tried.robust >= Some(ROBUST) && irregularity(tried) < REGULAR
 }
 
 struct Search<'a> {
@@ -186,16 +205,20 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// CMA-ES about the best gait so far, or the rule, until one steps (`until_steps`) or two generations are over.
-    fn evolve(&mut self, scale: &Scale, spread: f64, until_steps: bool) -> Result<(), LabError> {
+    /// CMA-ES about the best gait so far, or the rule; `enough` is asked before each generation.
+    fn evolve(
+        &mut self,
+        scale: &Scale,
+        spread: f64,
+        enough: &mut dyn FnMut(&mut Self, usize) -> Result<bool, LabError>,
+    ) -> Result<(), LabError> {
         let best = (0..self.tries.len()).max_by(|&a, &b| score(&self.tries[a]).total_cmp(&score(&self.tries[b])));
         let pitch_deg = best.map_or(4.0, |best| self.tries[best].setting.pitch_deg);
         let mut search = CmaEs::new(&[0.0; COORDINATES], &[spread; COORDINATES], None)?;
-        let mut rng = stream(self.options.seed, Role::RobotSearch, u64::from(until_steps));
+        let mut rng = stream(self.options.seed, Role::RobotSearch, u64::from(self.first.is_none()));
         for generation in 0.. {
             let points = search.ask(&mut rng);
-            let enough = if until_steps { self.first.is_some() } else { generation == 2 };
-            if enough || self.tries.len() + points.len() > self.options.most_tries {
+            if enough(self, generation)? || self.tries.len() + points.len() > self.options.most_tries {
                 return Ok(());
             }
             let settings: Vec<GaitSetting> = points.iter().map(|point| scale.at(point, pitch_deg)).collect();
@@ -232,7 +255,9 @@ impl Search<'_> {
     /// Tries forward amplitudes on the gaits that are robust, from small to large, until one falls.
     fn walk_forward(&mut self) -> Result<(), LabError> {
         let robust = |t: &Try| t.robust >= Some(ROBUST);
-        let some: Vec<usize> = (0..self.tries.len()).filter(|&i| robust(&self.tries[i])).collect();
+        let mut some: Vec<usize> = (0..self.tries.len()).filter(|&i| robust(&self.tries[i])).collect();
+        some.sort_by(|&a, &b| irregularity(&self.tries[a]).total_cmp(&irregularity(&self.tries[b])));
+        some.truncate(WALKERS);
         let found: Result<Vec<_>, LabError> = (some.par_iter())
             .map(|&i| {
                 let (mut best, mut simulated_s) = (None, 0.0);
@@ -260,11 +285,12 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The gait that steps and survives most variants; the fastest where walking was looked at, then the most regular.
+    /// The gait that steps and survives most variants; the fastest where walking was looked at, then the most regular. One whose
+    /// strides are so irregular that nobody sees what an action does comes after those that are not.
     fn most_robust(&self) -> Option<usize> {
         let rank = |t: &Try| {
-            let speed = t.walk.map_or(0.0, |(_, speed)| speed);
-            (t.robust, speed, -irregularity(t))
+            let robust = if t.walk.is_some() { Some(VARIANTS) } else { t.robust };
+            ((good(t), robust), t.walk.map_or(0.0, |(_, speed)| speed), -irregularity(t))
         };
         (0..self.tries.len()).filter(|&i| self.tries[i].robust.is_some()).max_by(|&a, &b| {
             let (a, b) = (rank(&self.tries[a]), rank(&self.tries[b]));
@@ -298,9 +324,10 @@ fn attempt(task: &Task, from: &str, setting: GaitSetting, seed: u64) -> Result<T
         Err(LabError::NominalGaitFails { time_s, .. }) => *time_s,
         _ => 0.0,
     };
+    let trace = gait.as_ref().map_or_else(|_| GaitTrace::default(), |gait| gait.trace.clone());
     let (survived_s, stepping) = walked(gait)?.unwrap_or((early_s, Stepping::default()));
     let verdict = stepping.verdict(survived_s < NOMINAL_S);
-    Ok(Try { from: from.into(), setting, verdict, survived_s, stepping, robust: None, walk: None })
+    Ok(Try { from: from.into(), setting, verdict, survived_s, stepping, robust: None, walk: None, trace })
 }
 
 /// For how long a gait stays up on a changed robot: started with noise (three times), on a slippery floor, heavier, lighter,

@@ -21,6 +21,7 @@
       for (let i = 0; i < 8; i++) v.push([i & 1 ? a : -a, i & 2 ? b : -b, i & 4 ? c : -c]);
       return { v, f: [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] };
     }
+    if (kind.type === "mesh") return { v: kind.vertices_m, f: kind.triangles.map(([a, b, c]) => [a, b, c, a]) };
     // Everything else is a stack of rings about z: [radius in x, radius in y, height].
     const rings = [], around = 18;
     if (kind.type === "cylinder") {

@@ -79,7 +79,38 @@ pub fn report_html(runs: &[Run]) -> Result<String> {
     }
     page.made(runs);
     page.body.push_str("</main>");
-    Ok(page.finish(&title, runs.len()))
+    let lede = if runs.len() == 1 {
+        "A robot, seen once per step, is a noisy map. This run learned that map from its own steps, improved the policy inside it, \
+         and gave it back to the robot."
+    } else {
+        "The same figures of several runs, beside each other."
+    };
+    Ok(page.finish(&title, lede, runs.len() > 1))
+}
+
+/// A page that shows a robot moving, below what was looked at: whether it is as it must be, what it was, and what was found.
+///
+/// # Errors
+///
+/// [`ReportError::Empty`] for a recording without a frame.
+pub fn film_html(title: &str, looked_at: &[(bool, String, String)], recording: &Recording) -> Result<String> {
+    if recording.frames.is_empty() {
+        return Err(ReportError::Empty { figure: "film".to_owned(), what: "no frame".to_owned() });
+    }
+    let mut page = Page::default();
+    page.body.push_str("<main>");
+    page.heading("replay", "The robot moving");
+    let recording = ("nominal gait".to_owned(), recording.clone());
+    page.player("poses", &[&recording], POSE_BUDGET / recording.1.frames.len());
+    page.heading("check", "What was looked at");
+    let rows: Vec<Vec<String>> = (looked_at.iter())
+        .map(|(ok, what, found)| {
+            vec![escape(what), if *ok { "ok" } else { "<b>not ok</b>" }.to_owned(), html::subscripts(found)]
+        })
+        .collect();
+    page.body.push_str(&html::table(&[("what", false), ("", false), ("found", false)], &rows));
+    page.body.push_str("</main>");
+    Ok(page.finish(title, "The nominal gait from its start, and what stridemap check found.", false))
 }
 
 /// The recordings of a run that its page shows: before and after, and under pushes.
@@ -280,7 +311,7 @@ impl Page {
         self.body.push_str(&facts::bibliography(runs));
     }
 
-    fn finish(self, title: &str, runs: usize) -> String {
+    fn finish(self, title: &str, lede: &str, many: bool) -> String {
         let (light, dark, rules) = page_variables();
         let (light, dark) = (format!("{light}--card:#f4f6f8;"), format!("{dark}--card:#1c2229;"));
         let font = |weight: u32, data: &[u8]| {
@@ -290,12 +321,6 @@ impl Page {
             )
         };
         let nav: String = self.nav.iter().map(|(id, title)| format!("<a href=\"#{id}\">{title}</a>")).collect();
-        let lede = if runs == 1 {
-            "A robot, seen once per step, is a noisy map. This run learned that map from its own steps, improved the policy inside it, \
-             and gave it back to the robot."
-        } else {
-            "The same figures of several runs, beside each other."
-        };
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
@@ -311,7 +336,8 @@ impl Page {
              CSV in the run directory under figures/.</p></footer>\n{data}\
              <script>\n{FIGURES}</script>\n<script>\n{REPLAY}</script>\n</body>\n</html>\n",
             title = escape(title),
-            many = if runs > 1 { " class=\"many\"" } else { "" },
+            lede = escape(lede),
+            many = if many { " class=\"many\"" } else { "" },
             regular = font(400, REGULAR),
             bold = font(600, SEMI_BOLD),
             body = self.body,

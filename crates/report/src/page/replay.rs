@@ -129,6 +129,9 @@ fn height(recording: &Recording) -> f64 {
                 ShapeKind::Cylinder { half_length_m, .. } => half_length_m,
                 ShapeKind::Ellipsoid { semi_axes_m: [_, _, z] } => z,
                 ShapeKind::Box { half_extents_m: [_, _, z] } => z,
+                ShapeKind::Mesh { ref vertices_m, .. } => {
+                    vertices_m.iter().map(|v| f64::from(v[2])).fold(0.0, f64::max)
+                }
             };
             frame.poses.get(s.body).map_or(0.0, |p| p[2]) + s.pose.position_m[2] + reach
         })

@@ -6,9 +6,10 @@ use stridemap_robot::ShapeKind;
 pub(super) const AROUND: usize = 36;
 
 /// A shape as the hull of points, each the centre of a ball of one radius.
-pub(super) fn balls(kind: ShapeKind) -> (Vec<[f64; 3]>, f64) {
+pub(super) fn balls(kind: &ShapeKind) -> (Vec<[f64; 3]>, f64) {
     let around = |i: usize, of: usize| 2.0 * std::f64::consts::PI * i as f64 / of as f64;
-    match kind {
+    match *kind {
+        ShapeKind::Mesh { ref vertices_m, .. } => (vertices_m.iter().map(|v| v.map(f64::from)).collect(), 0.0),
         ShapeKind::Sphere { radius_m } => (vec![[0.0; 3]], radius_m),
         ShapeKind::Capsule { radius_m, half_length_m: h } => (vec![[0.0, 0.0, -h], [0.0, 0.0, h]], radius_m),
         ShapeKind::Cylinder { radius_m: r, half_length_m: h } => {

@@ -178,7 +178,7 @@ impl<'a> Scene<'a> {
         let mut pieces: Vec<Piece> = shapes
             .enumerate()
             .map(|(i, (shape, tone))| {
-                let (points, radius) = balls(shape.kind);
+                let (points, radius) = balls(&shape.kind);
                 let place = |local_m| frame.point_m(shape, local_m).unwrap_or_default();
                 let mut seen = Vec::new();
                 for p in points {
@@ -241,7 +241,7 @@ mod tests {
             format: 1,
             shapes: vec![
                 shape("torso", 1, torso, [0.0; 3]),
-                shape("left foot", 1, foot, [0.0, 0.1, -0.99]),
+                shape("left foot", 1, foot.clone(), [0.0, 0.1, -0.99]),
                 shape("right foot", 1, foot, [0.0, -0.1, -0.99]),
             ],
             period_s: 0.5,
