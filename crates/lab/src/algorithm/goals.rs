@@ -188,13 +188,11 @@ impl Algorithm<'_> {
         let (mut axes, mut falls) = ([None; 3], 0);
         for (axis, measure) in AXES.iter().enumerate() {
             let Some(component) = self.task.goal.iter().position(|g| g.name.name == *measure) else { continue };
-            // Only what a task asks for at all: no robot is told to walk backwards that was never asked to.
-            let [low, high] = self.task.goal[component].range;
+            let goal = &self.task.goal[component];
+            let [low, high] = goal.range;
             let both = LEVELS.iter().copied().chain(LEVELS.iter().map(|l| -l));
-            let levels: Vec<f64> = match low < 0.0 || self.task.goal.len() > 1 {
-                true => both.collect(),
-                false => LEVELS.iter().copied().filter(|l| (low..=high).contains(l)).collect(),
-            };
+            // A gait that takes no commands is asked for what its task asks for, and no more.
+            let levels: Vec<f64> = both.filter(|l| goal.command.is_some() || (low..=high).contains(l)).collect();
             let goals: Vec<Goal> =
                 levels.iter().flat_map(|level| std::iter::repeat_n(self.asked(measure, *level), per_level)).collect();
             let path = Path::default();
