@@ -83,6 +83,11 @@ impl Plant {
         PyArray1::from_slice(py, &self.inner().at.last_action)
     }
 
+    /// What the next stride is asked to do; empty in tasks with one purpose.
+    fn goal<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.inner().at.goal)
+    }
+
     /// What was measured of the last stride, by name.
     fn measures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let measures = *self.inner().plant.last_measures();

@@ -13,7 +13,7 @@ use stridemap_process::{Action, Situation, State};
 use stridemap_record::files;
 
 use crate::arrays::{Matrix, Numbers, rows_together, shaped};
-use crate::error::{of_lab, working};
+use crate::error::{of_lab, request, working};
 use crate::task::TaskLike;
 
 /// A policy: what action a stride is asked for, given the state at the section.
@@ -63,18 +63,26 @@ impl Policy {
         py: Python<'py>,
         state: &Numbers<'py>,
         last_action: Option<&Numbers<'py>>,
+        goal: Option<&Numbers<'py>>,
         of: impl Fn(&SavedPolicy, &Situation, usize) -> Action,
     ) -> PyResult<Bound<'py, PyAny>> {
         let spec = self.0.spec();
-        let (n, m) = (spec.state.len(), spec.action.len());
+        let (n, m, goals) = (spec.state.len(), spec.action.len(), spec.goal.len());
+        if goals > 0 && goal.is_none() {
+            let names: Vec<&str> = spec.goal.iter().map(|d| d.name.as_str()).collect();
+            return Err(request(format!("the policy is asked with goal = [{}]", names.join(", "))));
+        }
         let state = Matrix::read(state, n, "state")?;
         let last = last_action.map(|u| Matrix::read(u, m, "last_action")).transpose()?;
+        let goal = goal.map(|g| Matrix::read(g, goals, "goal")).transpose()?;
         let mut all = vec![("state", &state)];
         all.extend(last.as_ref().map(|u| ("last_action", u)));
+        all.extend(goal.as_ref().map(|g| ("goal", g)));
         let (rows, single) = rows_together(&all)?;
         let mut values = Vec::with_capacity(rows * m);
         for i in 0..rows {
-            let at = situation(state.row(i), last.as_ref().map(|u| u.row(i)));
+            let mut at = situation(state.row(i), last.as_ref().map(|u| u.row(i)));
+            at.goal.extend(goal.iter().flat_map(|g| g.row(i)).copied());
             values.extend(of(&self.0, &at, i));
         }
         Ok(shaped(py, single, rows, &[m], values)?.into_any())
@@ -116,49 +124,55 @@ impl Policy {
         self.0.kind()
     }
 
-    /// The mean action at states of shape `(n,)` or `(N, n)`.
-    #[pyo3(signature = (state, last_action=None))]
+    /// The mean action at states of shape `(n,)` or `(N, n)`; of tasks with goals, at goals too.
+    #[pyo3(signature = (state, last_action=None, goal=None))]
     fn mean<'py>(
         &self,
         py: Python<'py>,
         state: Numbers<'py>,
         last_action: Option<Numbers<'py>>,
+        goal: Option<Numbers<'py>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.each(py, &state, last_action.as_ref(), |policy, at, _| policy.mean(at))
+        self.each(py, &state, last_action.as_ref(), goal.as_ref(), |policy, at, _| policy.mean(at))
     }
 
-    #[pyo3(signature = (state, last_action=None))]
+    #[pyo3(signature = (state, last_action=None, goal=None))]
     fn __call__<'py>(
         &self,
         py: Python<'py>,
         state: Numbers<'py>,
         last_action: Option<Numbers<'py>>,
+        goal: Option<Numbers<'py>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.mean(py, state, last_action)
+        self.mean(py, state, last_action, goal)
     }
 
     /// The standard deviation of the action.
-    #[pyo3(signature = (state, last_action=None))]
+    #[pyo3(signature = (state, last_action=None, goal=None))]
     fn std<'py>(
         &self,
         py: Python<'py>,
         state: Numbers<'py>,
         last_action: Option<Numbers<'py>>,
+        goal: Option<Numbers<'py>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.each(py, &state, last_action.as_ref(), |policy, at, _| policy.std(at))
+        self.each(py, &state, last_action.as_ref(), goal.as_ref(), |policy, at, _| policy.std(at))
     }
 
     /// Draws actions: row i from stream i of the seed `rng` (a number, or a numpy generator that draws one).
-    #[pyo3(signature = (state, rng, last_action=None))]
+    #[pyo3(signature = (state, rng, last_action=None, goal=None))]
     fn sample<'py>(
         &self,
         py: Python<'py>,
         state: Numbers<'py>,
         rng: &Bound<'py, PyAny>,
         last_action: Option<Numbers<'py>>,
+        goal: Option<Numbers<'py>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let seed = seed_of(rng)?;
-        self.each(py, &state, last_action.as_ref(), |policy, at, i| policy.sample(at, &mut row_rng(seed, i)))
+        self.each(py, &state, last_action.as_ref(), goal.as_ref(), |policy, at, i| {
+            policy.sample(at, &mut row_rng(seed, i))
+        })
     }
 
     /// The policy as it stands in a file.

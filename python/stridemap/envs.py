@@ -63,7 +63,8 @@ def _map(given: Map | Run | str | os.PathLike[str] | None) -> Map:
 class StrideEnv(gym.Env[Array, Any]):
     """The robot of a task, simulated in this process; one step is one stride.
 
-    ``info`` holds the action as applied, how the stride ended, why it fell, and what was measured of it.
+    ``info`` holds the action as applied, the goal of the next stride (in tasks that have one), how the stride ended,
+    why it fell, and what was measured of it.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -88,12 +89,13 @@ class StrideEnv(gym.Env[Array, Any]):
         if seed is not None or not begun:
             self.plant.seed(int(self.np_random.integers(2**31)) if seed is None else seed)
         state = self.plant.reset()
-        return state, {"applied_action": self.plant.last_action()}
+        return state, {"applied_action": self.plant.last_action(), "goal": self.plant.goal()}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         state, reward, end = self.plant.step(_in_units(action, self._bounds, self.physical).tolist())
         info = {
             "applied_action": self.plant.last_action(),
+            "goal": self.plant.goal(),
             "end": end,
             "fall": self.plant.fall(),
             "measures": self.plant.measures(),

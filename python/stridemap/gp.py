@@ -60,7 +60,7 @@ class GaussianProcess(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def predict(self, X: Any, return_std: bool = False, return_cov: bool = False) -> Any:
-        """The mean at ``X``, with the standard deviation or the joint covariance of the latent function if asked for."""
+        """The mean at ``X``; if asked for, the standard deviation or joint covariance of the latent function too."""
         check_is_fitted(self)
         if return_std and return_cov:
             raise RuntimeError("either return_std or return_cov, not both")
@@ -87,7 +87,8 @@ class GaussianProcess(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         check_is_fitted(self)
         if length_scales is None and signal_variance is None and noise_variance is None:
             return float(self.log_marginal_likelihood_value_)
-        scales = self.length_scales_ if length_scales is None else np.broadcast_to(length_scales, self.length_scales_.shape)
+        own = self.length_scales_
+        scales = own if length_scales is None else np.broadcast_to(length_scales, own.shape)
         model = GpModel.condition(
             self.X_train_,
             self.y_train_,

@@ -42,22 +42,28 @@ pub fn sweep(
     column(&stem, key, &at, runs.len())?;
     column(&stem, name, &measured, runs.len())?;
     let mut x = Axis::covering(key, at.iter().copied());
+    let mut apart = 0.0;
     if !values.is_empty() {
         let air = 0.08 * (x.max - x.min);
         (x.min, x.max, x.ticks) = (x.min - air, x.max + air, values.to_vec());
+        apart = 0.04 * (x.max - x.min);
     }
+    /// Places of runs of one value, as even as those of any number of them: by the golden section.
+    const GOLDEN: f64 = 0.618_034;
+    let places = runs.iter().enumerate();
+    let shown: Vec<_> = places.map(|(i, (x, y))| (x + apart * ((i as f64 * GOLDEN).fract() - 0.5), *y)).collect();
     let ends =
         means.iter().flat_map(|m| [m.mean - m.interval_95.unwrap_or(0.0), m.mean + m.interval_95.unwrap_or(0.0)]);
     let y = Axis::covering(name, measured.iter().copied().chain(ends));
     let mut sheet = Sheet::new(&stem, &format!("{name} against {key}"));
     for mut p in sheet.row(280.0, vec![(1.0, x, y, None)]) {
-        p.marks(runs, "s2", Mark::Dot, 2.6);
+        p.marks(&shown, "s2", Mark::Dot, 2.2);
         p.key("run", Key::Mark("s2", Mark::Dot));
         if !means.is_empty() {
             let line: Vec<(f64, f64)> = means.iter().map(|m| (m.at, m.mean)).collect();
             for m in means {
                 let half = m.interval_95.unwrap_or(0.0);
-                p.line(&[(m.at, m.mean - half), (m.at, m.mean + half)], "s0", Dash::Solid, 1.6);
+                p.line(&[(m.at, m.mean - half), (m.at, m.mean + half)], "s0", Dash::Solid, 3.2);
                 p.hover(m.at, m.mean, format!("{name} {:.4}, 95 % within {:.4}", N(m.mean), N(half)));
             }
             p.line(&line, "s0", Dash::Solid, 2.2);
