@@ -1,11 +1,13 @@
 //! The command line.
 
 mod analyse;
+mod judging;
 mod names;
 
 use std::path::PathBuf;
 
 pub use analyse::{AnalyseArgs, StudyArgs};
+pub use judging::{Change, CompareRunsArgs, PushArgs, VerdictArgs, Walks};
 pub use names::{BenchOf, FetchedRobot, FigureName, PartKind, RobotName, ServedRobot};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
@@ -144,7 +146,7 @@ pub enum Command {
         learn --resume runs/stepping-1")]
     Learn {
         /// A built-in task (stepping, walking, ...) or the path of a task file.
-        #[arg(required_unless_present = "resume")]
+        #[arg(required_unless_present_any = ["resume", "adapt"])]
         task: Option<String>,
         /// Directory of the run; with --seeds, of one directory per seed. Default: runs/TASK-SEED.
         #[arg(long)]
@@ -152,6 +154,10 @@ pub enum Command {
         /// Goes on with a run that was stopped or killed; it ends as if it had never been.
         #[arg(long, value_name = "RUN", conflicts_with_all = ["task", "out", "seeds"])]
         resume: Option<PathBuf>,
+        /// Learns anew around the policy of a run, on a robot that is no longer the one that was learned (named by --set, where it is
+        /// simulated): that policy takes the place of the nominal gait. Directory: RUN-adapted.
+        #[arg(long, value_name = "RUN", conflicts_with_all = ["task", "resume", "seeds", "learner"])]
+        adapt: Option<PathBuf>,
         /// Another learner than the task's (`stridemap list learners` says what each is).
         #[arg(long, conflicts_with = "resume", value_parser = learner())]
         learner: Option<LearnerKind>,
@@ -233,33 +239,17 @@ pub enum Command {
         /// Writes every stride to this CSV file.
         #[arg(long)]
         out: Option<PathBuf>,
+        /// Another robot from some stride on.
+        #[command(flatten)]
+        change: Change,
         /// Options shared by most commands.
         #[command(flatten)]
         common: Common,
     },
     /// Pushes the robot at every 4th stride and fits its return map (Fig. 10).
-    Push {
-        /// A run directory.
-        run: PathBuf,
-        /// Largest lateral force on the torso, newtons. Default: what gives the robot 0.04 m/s.
-        #[arg(long, value_parser = within(1e-6, 1e6))]
-        force: Option<f64>,
-        /// For how long each push acts, seconds.
-        #[arg(long, default_value_t = 0.2, value_parser = within(1e-6, 60.0))]
-        duration: f64,
-        /// Strides in all.
-        #[arg(long, default_value_t = 160, value_parser = count::<usize>(STRIDES))]
-        strides: usize,
-        /// Pushes the nominal gait instead.
-        #[arg(long)]
-        nominal: bool,
-        /// Where push.csv and push.json go. Default: into the run; nowhere with --set.
-        #[arg(long)]
-        out: Option<PathBuf>,
-        /// Options shared by most commands.
-        #[command(flatten)]
-        common: Common,
-    },
+    #[command(after_help = "Example, the largest push survived by phase of the gait and direction:\n  stridemap push \
+        runs/stepping-1 --atlas")]
+    Push(PushArgs),
     /// Runs one recorded episode of a simulated run again, alone: the same rows, to the byte, and its motion.
     /// Without --episode: lists the episodes of a run.
     Replay {
@@ -357,6 +347,13 @@ pub enum Command {
         #[arg(long)]
         no_open: bool,
     },
+    /// May this policy be deployed? Limits of the task's [verdict] against walks, pushes and multipliers: pass (exit 0), fail
+    /// (1), cannot tell (3).
+    #[command(after_help = "Example, in CI:\n  stridemap verdict runs/walking-1 --junit verdict.xml --markdown \
+        verdict.md\n  stridemap verdict runs/walking-1 --set verdict.survived_push_m_s_at_least=0.2")]
+    Verdict(VerdictArgs),
+    /// Is the policy of run B worse than that of run A? No (exit 0), yes (1), cannot tell (3); paired by their starts.
+    CompareRuns(CompareRunsArgs),
     /// Looks at a task before anything is learned: robot, joint map, gait, sections, actions.
     Check {
         /// A built-in task or the path of a task file.
@@ -478,21 +475,24 @@ pub enum Command {
         /// Robots: where models, task files and runs go.
         #[arg(long, default_value = "runs/robots")]
         out: PathBuf,
-        /// Robots, networks: only those whose name holds this. Preflight: the task, g1-velocity if left out.
+        /// Robots, networks, drift: only those whose name holds this. Preflight: the task, g1-velocity if left out.
         #[arg(long)]
         only: Option<String>,
         /// Networks, preflight: overrides one value of the task; may be repeated.
         #[arg(long = "set", value_name = "KEY=VALUE")]
         sets: Vec<String>,
-        /// Robots: seeds of learn for each. Networks: minutes of each command. Preflight: seeds of each robot.
-        #[arg(long, default_value_t = 5, value_parser = count::<u64>(1000))]
-        seeds: u64,
+        /// Robots, drift (20): seeds of learn for each. Networks: minutes of each command. Preflight: seeds. Default: 5.
+        #[arg(long, value_parser = count::<u64>(1000))]
+        seeds: Option<u64>,
         /// Robots: walking forward (`tune --walk`, `walking-auto`) instead of stepping.
         #[arg(long)]
         walk: bool,
         /// Coverage and time to fall.
         #[command(flatten)]
         study: StudyArgs,
+        /// Drift: threads. Default: all processors.
+        #[arg(long, value_parser = count::<usize>(THREADS))]
+        threads: Option<usize>,
         /// Prints one JSON document on stdout instead of text.
         #[arg(long)]
         json: bool,

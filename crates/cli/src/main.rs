@@ -36,11 +36,11 @@ fn main() -> ExitCode {
             if said.use_stderr() {
                 return ExitCode::from(2);
             }
-            Ok(())
+            Ok(ExitCode::SUCCESS)
         }
     };
-    match done.and_then(|()| output::written()) {
-        Ok(()) => ExitCode::SUCCESS,
+    match done.and_then(|code| output::written().map(|()| code)) {
+        Ok(code) => code,
         Err(failure) => {
             output::json_failure(&failure);
             output::error(&failure);
@@ -60,9 +60,15 @@ fn check_out(command: &Command) -> Result<(), Failure> {
         | Command::Check { film: Some(file), .. }
         | Command::Init { file: Some(file), .. }
         | Command::Tune { file, .. } => files::check_file(file)?,
+        Command::Verdict(args::VerdictArgs { junit, markdown, .. })
+        | Command::CompareRuns(args::CompareRunsArgs { junit, markdown, .. }) => {
+            for file in [junit, markdown].into_iter().flatten() {
+                files::check_file(file)?;
+            }
+        }
         Command::Learn { out: Some(dir), .. }
         | Command::Collect { out: Some(dir), .. }
-        | Command::Push { out: Some(dir), .. }
+        | Command::Push(args::PushArgs { out: Some(dir), .. })
         | Command::Replay { out: Some(dir), .. }
         | Command::Compare { out: Some(dir), .. }
         | Command::Reproduce { out: Some(dir), .. } => files::check_dir(dir)?,
@@ -71,10 +77,20 @@ fn check_out(command: &Command) -> Result<(), Failure> {
     Ok(())
 }
 
-fn run(command: Command) -> Result<(), Failure> {
+/// What was asked for, and how the process ends.
+fn run(command: Command) -> Result<ExitCode, Failure> {
     check_out(&command)?;
     match command {
-        Command::Learn { task, out, resume, learner, until_error, seeds, mut common } => match (resume, task) {
+        Command::Verdict(args) => commands::verdict::verdict(&args),
+        Command::CompareRuns(args) => commands::verdict::compare_runs(&args),
+        other => run_other(other).map(|()| ExitCode::SUCCESS),
+    }
+}
+
+fn run_other(command: Command) -> Result<(), Failure> {
+    match command {
+        Command::Learn { adapt: Some(run), out, common, .. } => commands::learn::adapt(&run, out.as_deref(), &common),
+        Command::Learn { task, out, resume, learner, until_error, seeds, mut common, .. } => match (resume, task) {
             (Some(run), _) => commands::learn::resume(&run, &common),
             (None, Some(task)) => {
                 // A value of the task, so that the run keeps it.
@@ -94,12 +110,17 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Evaluate { run, strides, nominal, common } => {
             commands::apply::evaluate(&run, strides, nominal, &common)
         }
-        Command::Run { run, nominal, seconds, out, common } => {
-            commands::apply::run(run.as_deref(), nominal.as_deref(), seconds, out.as_deref(), &common)
+        Command::Run { run, nominal, seconds, out, change, common } => {
+            commands::apply::run(run.as_deref(), nominal.as_deref(), (seconds, &change), out.as_deref(), &common)
         }
-        Command::Push { run, force, duration, strides, nominal, out, common } => {
+        Command::Push(args) if args.atlas => {
+            let args::PushArgs { phases, directions, body, .. } = args;
+            let setting = stridemap_lab::AtlasSetting { phases, directions, body, ..Default::default() };
+            commands::atlas::push_atlas_of_run(&args.run, setting, args.nominal, args.out.as_deref(), &args.common)
+        }
+        Command::Push(args::PushArgs { run, force, duration, strides, body, nominal, out, common, .. }) => {
             let of = |mass_kg| stridemap_lab::PushConfig::of(force, mass_kg, duration, strides);
-            commands::apply::push(&run, &of, nominal, out.as_deref(), &common)
+            commands::apply::push(&run, &of, (body.as_deref(), nominal), out.as_deref(), &common)
         }
         Command::Replay { run, episode, out, json } => commands::replay::replay(&run, episode, out.as_deref(), json),
         Command::Analyse(args) => commands::analyse::analyse(&args),
@@ -116,6 +137,7 @@ fn run(command: Command) -> Result<(), Failure> {
             let out = out.unwrap_or_else(|| std::path::Path::new("runs").join(named()));
             commands::sweep::sweep(&study, shard, &out, json)
         }
+        Command::Verdict(_) | Command::CompareRuns(_) => Ok(()),
         Command::Report { runs, out } => commands::report::report(&runs, out.as_deref()),
         Command::View { run, out, no_open } => commands::report::view(&run, out.as_deref(), no_open),
         Command::Check { task, film, common } => commands::task::check(&task, film.as_deref(), &common),
@@ -132,11 +154,14 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Stop { rearm, reason, network } => commands::robot::stop(rearm, &reason, &network),
         Command::BenchLink { seconds, json, domain } => commands::robot::bench_link(seconds, json, domain),
         Command::Bench { what: Some(args::BenchOf::Walk), only, sets, seeds, json, .. } => {
-            commands::velocity::walk(seeds, only.as_deref(), &sets, json)
+            commands::velocity::walk(seeds.unwrap_or(5), only.as_deref(), &sets, json)
         }
         Command::Bench { what: Some(args::BenchOf::Preflight), only, sets, seeds, json, .. } => {
             let task = only.as_deref().unwrap_or("g1-velocity");
-            commands::preflight::bench(task, seeds, &sets, json)
+            commands::preflight::bench(task, seeds.unwrap_or(5), &sets, json)
+        }
+        Command::Bench { what: Some(args::BenchOf::Drift), only, seeds, study, threads, json, .. } => {
+            commands::bench_drift::drift(study.seed, seeds.unwrap_or(20), only.as_deref(), threads, json)
         }
         Command::Bench { what: Some(args::BenchOf::Coverage), study, json, .. } => {
             commands::bench_stability::multipliers(study.systems, study.seed, json)
@@ -145,7 +170,7 @@ fn run(command: Command) -> Result<(), Failure> {
             commands::bench_stability::time_to_fall(study.records, study.seed, json)
         }
         Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, walk, .. } => {
-            commands::robots::robots(&out, seeds, only.as_deref(), walk)
+            commands::robots::robots(&out, seeds.unwrap_or(5), only.as_deref(), walk)
         }
         Command::Bench { json, .. } => commands::bench::bench(json),
     }

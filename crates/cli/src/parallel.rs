@@ -24,7 +24,21 @@ pub fn over<T: Sync, R: Send, E: Send>(
 where
     Failure: From<E>,
 {
-    let progress = SeedProgress::new(items.len());
+    each_of(items, threads, "seeds", told, work)
+}
+
+/// The same for other things than seeds: cells of a table, walks.
+pub fn each_of<T: Sync, R: Send, E: Send>(
+    items: &[T],
+    threads: Option<usize>,
+    noun: &'static str,
+    told: impl Fn(&T, &Result<R, E>) -> String + Sync,
+    work: impl Fn(&T) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, Failure>
+where
+    Failure: From<E>,
+{
+    let progress = SeedProgress::new(items.len(), noun);
     let one = |item: &T| {
         let result = work(item);
         progress.done(&told(item, &result));

@@ -333,40 +333,41 @@ fn verdict(verdict: Verdict) -> &'static str {
 pub struct SeedProgress {
     live: bool,
     total: usize,
+    noun: &'static str,
     done: Arc<AtomicUsize>,
     started: Instant,
     _ticker: Option<Ticker>,
 }
 
 impl SeedProgress {
-    /// A counter for this many seeds.
-    pub fn new(total: usize) -> Self {
+    /// A counter for so many seeds, or what `noun` says.
+    pub fn new(total: usize, noun: &'static str) -> Self {
         let (done, started) = (Arc::new(AtomicUsize::new(0)), Instant::now());
         let live = std::io::stderr().is_terminal();
         let ticker = (!live).then(|| {
             let done = Arc::clone(&done);
-            Ticker::start(move || Some(seeds_line(done.load(Ordering::Relaxed), total, started)))
+            Ticker::start(move || Some(count_line(done.load(Ordering::Relaxed), total, noun, started)))
         });
-        Self { live, total, done, started, _ticker: ticker }
+        Self { live, total, noun, done, started, _ticker: ticker }
     }
 
     /// One more seed is done.
     pub fn done(&self, text: &str) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         if self.live {
-            output::note(format!("{}; {text}", seeds_line(done, self.total, self.started)));
+            output::note(format!("{}; {text}", count_line(done, self.total, self.noun, self.started)));
         }
     }
 }
 
-/// How many seeds are done, how fast, and how long the rest may take.
-fn seeds_line(done: usize, total: usize, started: Instant) -> String {
+/// How many are done, how fast, and how long the rest may take.
+fn count_line(done: usize, total: usize, noun: &str, started: Instant) -> String {
     if done == 0 {
         return format!("[0/{total}] estimating");
     }
     let each_s = started.elapsed().as_secs_f64() / done as f64;
     let left = each_s * (total - done.min(total)) as f64;
-    format!("[{done}/{total}] {} left, {:.1} seeds/min", duration(left), 60.0 / each_s.max(1e-9))
+    format!("[{done}/{total}] {} left, {:.1} {noun}/min", duration(left), 60.0 / each_s.max(1e-9))
 }
 
 #[cfg(test)]

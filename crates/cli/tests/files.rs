@@ -80,6 +80,11 @@ fn the_page_of_files_names_what_real_runs_hold() {
     let short = "--set record.strides=4 --set record.iteration_strides=3 --set record.pose_seconds=0.5";
     stridemap(dir.path(), &format!("learn stepping --out stepping {short}"));
     stridemap(dir.path(), "push stepping --strides 20");
+    stridemap(dir.path(), "push stepping --atlas --phases 1 --directions 2");
+    let mut verdict = Command::new(env!("CARGO_BIN_EXE_stridemap"));
+    let args = "verdict stepping --walks 2 --probe 40 --set verdict.survived_push_m_s_at_least=0";
+    let ended = verdict.current_dir(dir.path()).args(args.split(' ')).output().unwrap();
+    assert_eq!(ended.status.code(), Some(3), "two walks tell little: {}", String::from_utf8_lossy(&ended.stderr));
     stridemap(
         dir.path(),
         &format!(

@@ -189,7 +189,7 @@ impl<'a> Algorithm<'a> {
     ) -> Result<(Vec<Transition>, PlantCounters), LabError> {
         let mut rng = stream(self.seed, stream_of.0, stream_of.1);
         let source = match (policy, batch.phase) {
-            (None, _) => ActionSource::Explore(self.task.exploration()),
+            (None, _) => self.task.first_exploration(),
             (Some(p), StridePhase::Collect) => ActionSource::Sample(p, self.task.of_each(|a| a.later_noise_std)),
             (Some(p), _) => ActionSource::Mean(p),
         };

@@ -11,7 +11,6 @@ use crate::plant::PlantCounters;
 use crate::proof::{Prover, shrunk};
 use crate::recorder::Recorder;
 use crate::seed::{Role, stream};
-use crate::strides::ActionSource;
 use stridemap_record::{GuardWarning, Performance, Proof, StridePhase, StrideRole, Transition, Verdict};
 
 impl Algorithm<'_> {
@@ -40,7 +39,7 @@ impl Algorithm<'_> {
             .learner
             .kind
             .first_actions(self.task, self.plant.in_place())
-            .unwrap_or(ActionSource::Explore(self.task.exploration()));
+            .unwrap_or_else(|| self.task.first_exploration());
         let guard = &caution.guard;
         let thresholds = guard.thresholds(self.plant.in_place(), 0.0);
         let mut explorer = GuardedExplorer::new(

@@ -191,6 +191,7 @@ impl LabError {
             Self::Config(_)
                 | Self::Invalid(_)
                 | Self::UnknownModulation { .. }
+                | Self::Robot(RobotError::NoBody { .. })
                 | Self::Gait(_)
                 | Self::NotHere
                 | Self::Section(_)

@@ -17,6 +17,7 @@
 
 mod algorithm;
 mod analyse;
+mod atlas;
 mod auto;
 pub mod builtin;
 mod careful;
@@ -24,7 +25,9 @@ mod caution;
 mod check;
 mod choice;
 mod compare;
+mod cusum;
 mod dither;
+mod drift;
 mod driven;
 mod error;
 mod fall;
@@ -35,6 +38,7 @@ mod guard;
 mod guarded;
 mod learner;
 mod learners;
+mod limits;
 mod map_multipliers;
 mod mean_roll;
 mod measure;
@@ -69,14 +73,21 @@ mod trust;
 mod truth;
 mod tune;
 pub mod verbs;
+mod verdict;
 mod walk;
+mod walks;
 
 pub use algorithm::{Algorithm, fit_map};
 pub use analyse::{Analysis, Flip, HeldOut, analyse, held_out};
+pub use atlas::{AtlasSetting, Unpushed, atlas_cell, for_pushes, push_atlas, unpushed};
 pub use caution::{CautionConfig, ProofConfig};
 pub use check::{CheckItem, CheckReport, Gain, check, check_on_film};
 pub use compare::{CompareSeed, STRIDES_PER_POINT, compare_seed, learning_curves, students_t};
+pub use cusum::{Cusum, run_length, shift_found_within, threshold_for};
 pub use dither::Dither;
+pub use drift::{
+    Detectable, DriftAlarm, DriftMonitor, FALSE_ALARMS_PER_1000, SETTLE_STRIDES as DRIFT_SETTLE_STRIDES, drift_monitor,
+};
 pub use error::{Invalid, LabError};
 pub use fall::FailureConfig;
 pub use feedback::{FedBack, JacobianFeedbackConfig, StrideModel, stride_model, with_feedback};
@@ -86,13 +97,14 @@ pub use guard::{Guard, GuardConfig, GuardThresholds};
 pub use guarded::GuardedExplorer;
 pub use learner::{ControlsConfig, IntegralConfig, Known, LearnerKind, LearnerPart, SearchSettings, learners};
 pub use learners::{LearnerPoint, LearnerRow, PairedDifference, paired_difference, run_learner};
+pub use limits::VerdictConfig;
 pub use map_multipliers::{MapMultipliers, map_multipliers};
 pub use mean_roll::{MeanRollConfig, MeanRollLimit};
 pub use measure::StrideMeter;
 pub use motion::Recent;
 pub use nominal::{NominalGait, nominal_gait};
 pub use pessimism::{CautiousMap, PessimismConfig};
-pub use plant::{Batch, Plant, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
+pub use plant::{Batch, Plant, PlantAction, PlantCounters, PlantTask, Push, PushBegins, StrideObserver, TickObserver};
 pub use poses::PoseRecorder;
 pub use preflight::{Miswired, preflight, refuse_miswired};
 pub use proof::{Prover, shrunk};
@@ -114,4 +126,8 @@ pub use task::{
 };
 pub use trust::TrustConfig;
 pub use tune::{GaitSetting, Scale, Try, TuneOptions, Tuned, VARIANTS, tune};
+pub use verdict::{
+    difference, fall_difference, judged, judged_falls, judged_push, judged_tracking, judged_worse, mean_of, what,
+};
 pub use walk::Walker;
+pub use walks::{Interval, WALK_S, Walked, disturbed, largest_multiplier, probed, share_of, tracks, walk_once};

@@ -8,8 +8,10 @@
 //! ```
 
 mod parts;
+mod pushes;
 
-pub use parts::{Batch, PlantAction, PlantCounters, PlantTask, Push, StrideObserver, TickObserver};
+pub use parts::{Batch, PlantAction, PlantCounters, PlantTask, StrideObserver, TickObserver};
+pub use pushes::{Push, PushBegins};
 
 use std::collections::VecDeque;
 
@@ -26,6 +28,7 @@ use crate::error::LabError;
 use crate::goal::Goals;
 use crate::measure::{StrideMeter, wrapped_rad};
 use crate::motion::MotionMeter;
+use crate::plant::pushes::Pushes;
 use crate::reward::reward;
 use crate::state::AtSection;
 use crate::truth::TrueWay;
@@ -48,9 +51,7 @@ pub struct Plant {
     in_place: InPlace,
     last_measures: StrideMeasures,
     last_fall: Option<Fall>,
-    pending_push: Option<Push>,
-    push_until_s: Option<f64>,
-    push_force_n: Option<[f64; 3]>,
+    pushes: Pushes,
     observer: Option<Box<dyn TickObserver>>,
     abort_reason: Option<RobotError>,
     true_psi_roll_deg: Option<f64>,
@@ -105,9 +106,7 @@ impl Plant {
             in_place: InPlace::default(),
             last_measures: StrideMeasures::default(),
             last_fall: None,
-            pending_push: None,
-            push_until_s: None,
-            push_force_n: None,
+            pushes: Pushes::default(),
             observer: None,
             abort_reason: None,
             true_psi_roll_deg: None,
@@ -265,11 +264,6 @@ impl Plant {
         self.observer = observer;
     }
 
-    /// Pushes the torso during the next stride, from when the load passes from one foot to the other.
-    pub fn push_in_next_stride(&mut self, push: Push) {
-        self.pending_push = Some(push);
-    }
-
     fn robot_time_s(&self) -> f64 {
         self.robot.state().time_s
     }
@@ -299,7 +293,7 @@ impl Plant {
         }
         if let Some(observer) = &mut self.observer {
             let robot = self.robot.as_ref();
-            observer.tick(robot, robot.state(), crossing.as_ref(), self.push_force_n);
+            observer.tick(robot, robot.state(), crossing.as_ref(), self.pushes.force_n());
         }
         self.update_push(stance_before)?;
         Ok(crossing)
@@ -371,9 +365,7 @@ impl Plant {
         self.gait.reset();
         self.detector.reset();
         self.law.reset();
-        self.pending_push = None;
-        self.push_until_s = None;
-        self.push_force_n = None;
+        self.pushes = Pushes::default();
         let start = self.robot.reset(self.gait.rest(), rng)?;
         self.first_com_height_m = start.com.position_m[2];
         self.meter.begin_episode(self.robot.state());
@@ -456,6 +448,7 @@ impl StrideProcess for Plant {
         for (component, value) in self.task.action.iter().zip(&action) {
             self.gait.modulate(component.modulation, *value).map_err(world)?;
         }
+        self.begin_stride_of_pushes().map_err(world)?;
         self.meter.begin_stride(self.robot.state());
         self.motion.begin_stride();
         self.true_way.begin_stride(self.robot.true_state());

@@ -79,7 +79,7 @@ pub fn push(
             let push = index >= SETTLE && (index - SETTLE).is_multiple_of(EVERY);
             let left_n = push.then(|| config.force_n * (2.0 * forces.random::<f64>() - 1.0));
             if let Some(left_n) = left_n {
-                plant.push_in_next_stride(Push { left_n, duration_s: config.duration_s });
+                plant.push_in_next_stride(Push::sideways(left_n, config.duration_s));
             }
             pushed.truncate(index); // an aborted stride is asked for again
             pushed.push(left_n);

@@ -36,6 +36,8 @@ pub enum Role {
     Goals = 11,
     /// Strides in simulation that come before those of the robot.
     Prior = 12,
+    /// Walks by which a policy is judged.
+    Verdict = 20,
 }
 
 /// A generator in a state that it was in before.

@@ -74,6 +74,8 @@ impl IntegralAction {
 pub enum ActionSource<'a> {
     /// Exploration without a policy.
     Explore(Exploration),
+    /// Exploration around a policy's mean: centres a quarter as far apart, and the same noise.
+    Around(&'a dyn Policy, Exploration),
     /// Draws from a policy, plus normal noise of these standard deviations.
     Sample(&'a dyn Policy, Vec<f64>),
     /// A policy's mean.
@@ -144,14 +146,20 @@ impl Act for Source<'_> {
                 let drawn = policy.sample(at, rng);
                 drawn.iter().zip(noise).map(|(u, std)| u + normal(*std, rng)).collect()
             }
-            ActionSource::Explore(explore) => {
+            ActionSource::Explore(explore) | ActionSource::Around(_, explore) => {
                 if self.strides_at_center == 0 {
                     let drawn = |&[low, high]: &[f64; 2]| low + (high - low) * rng.random::<f64>();
                     self.center = explore.ranges.iter().map(|range| &range.center).map(drawn).collect();
                 }
                 self.strides_at_center = (self.strides_at_center + 1) % explore.hold;
                 let explored = self.center.iter().zip(&explore.ranges);
-                explored.map(|(center, range)| center + normal(range.std, rng)).collect()
+                let explored: Action = explored.map(|(center, range)| center + normal(range.std, rng)).collect();
+                match self.source {
+                    ActionSource::Around(policy, _) => {
+                        policy.mean(at).iter().zip(&explored).map(|(u, off)| u + off).collect()
+                    }
+                    _ => explored,
+                }
             }
         }
     }

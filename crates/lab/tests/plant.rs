@@ -82,7 +82,7 @@ fn a_fall_is_an_outcome_with_its_reward_and_the_robot_starts_afresh() {
     let mut plant = plant(&[]);
     strides(&mut plant, &[0.0; 3], 1);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    plant.push_in_next_stride(Push { left_n: 400.0, duration_s: 0.4 });
+    plant.push_in_next_stride(Push::sideways(400.0, 0.4));
     let mut last = plant.stride(&[0.0], &mut rng).unwrap();
     for _ in 0..3 {
         if last.end == StrideEnd::Crossing {
@@ -114,7 +114,7 @@ fn pushes_move_the_section_and_left_and_right_differ() {
         let mut plant = plant(&[]);
         strides(&mut plant, &[0.0; 12], 1);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        plant.push_in_next_stride(Push { left_n, duration_s: 0.2 });
+        plant.push_in_next_stride(Push::sideways(left_n, 0.2));
         plant.stride(&[0.0], &mut rng).unwrap().next.state[0]
     };
     let (left, none, right) = (after_push(30.0), after_push(0.0), after_push(-30.0));

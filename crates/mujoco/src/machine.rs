@@ -1,5 +1,6 @@
 //! A simulated robot seen as a machine: every servo, every sensor, and what hardware does to both.
 
+use std::any::Any;
 use std::collections::VecDeque;
 
 use mujoco_rs::wrappers::mj_model::{MjtJoint, MjtObjBase};
@@ -164,6 +165,26 @@ impl Machine for SimulatedMachine {
 
     fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
         self.robot.set_push(force_n)
+    }
+
+    fn push_on(&mut self, body: &str) -> Result<(), RobotError> {
+        self.robot.push_on(body)
+    }
+
+    fn take_over(&mut self, from: &dyn Machine) -> Result<(), RobotError> {
+        let other = from.as_any().and_then(|other| other.downcast_ref::<Self>());
+        let other = other.ok_or(RobotError::Unsupported { what: "taking over from a machine of another kind" })?;
+        self.robot.take_over(&other.robot)?;
+        self.rng = other.rng.clone();
+        self.commands.clone_from(&other.commands);
+        self.acting.clone_from(&other.acting);
+        self.readings.clone_from(&other.readings);
+        self.frame = other.frame.clone();
+        Ok(())
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
+        Some(self)
     }
 
     fn engine_seconds(&self) -> Option<f64> {

@@ -1,11 +1,12 @@
 //! The simulated robot.
 
+use std::any::Any;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use mujoco_rs::prelude::{MjData, MjModel};
-use mujoco_rs::wrappers::mj_data::{MjtState, MjtWarning};
+use mujoco_rs::wrappers::mj_data::MjtWarning;
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::Distribution;
@@ -29,8 +30,6 @@ use crate::sole::{self, Sole};
 use crate::store::load;
 use crate::strap::Strap;
 
-/// Everything that the engine needs to go on exactly as before.
-const INTEGRATION: u32 = MjtState::mjSTATE_INTEGRATION as u32;
 /// Kinds of warnings that MuJoCo counts.
 const WARNINGS: usize = MjtWarning::mjNWARNING as usize;
 /// A biped simulated by MuJoCo.
@@ -81,20 +80,13 @@ pub struct MujocoRobot {
     pub(crate) held_by: Option<Strap>,
     /// Inverse of the base's orientation in the reference posture, unless that is the identity.
     base_inverse: Option<[f64; 4]>,
-    state: RobotState,
-    periods: u64,
+    pub(crate) state: RobotState,
+    pub(crate) periods: u64,
     warnings: [i32; WARNINGS],
-    failure: Option<RobotError>,
+    pub(crate) failure: Option<RobotError>,
     engine: Duration,
-}
-
-/// A moment of a simulation, to go back to. Only meaningful for robots of the same configuration.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Snapshot {
-    pub(crate) numbers: Box<[f64]>,
-    state: RobotState,
-    periods: u64,
-    failure: Option<RobotError>,
+    /// The body on which pushes act.
+    pushed: usize,
 }
 
 impl MujocoRobot {
@@ -161,6 +153,7 @@ impl MujocoRobot {
             warnings: [0; WARNINGS],
             failure: None,
             engine: Duration::ZERO,
+            pushed: binding.torso,
             config,
             model,
             binding,
@@ -209,38 +202,6 @@ impl MujocoRobot {
     #[must_use]
     pub fn steps_per_period(&self) -> usize {
         self.steps_per_period
-    }
-
-    /// Stores this moment; [`restore`](Self::restore) goes back to it, to the bit.
-    #[must_use]
-    pub fn snapshot(&self) -> Snapshot {
-        Snapshot {
-            numbers: self.data.state(INTEGRATION),
-            state: self.state.clone(),
-            periods: self.periods,
-            failure: self.failure.clone(),
-        }
-    }
-
-    /// Goes back to a stored moment of this robot or of one of the same configuration. A push that acted
-    /// then acts again.
-    ///
-    /// # Errors
-    ///
-    /// [`MujocoError::ForeignSnapshot`] if the snapshot belongs to a model with another number of states.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), MujocoError> {
-        let (expected, found) = (self.model.state_size(INTEGRATION), snapshot.numbers.len());
-        let foreign = MujocoError::ForeignSnapshot { expected, found };
-        if found != expected {
-            return Err(foreign);
-        }
-        self.data.set_state(&snapshot.numbers, INTEGRATION).map_err(|_| foreign)?;
-        self.count_warnings();
-        self.data.step1();
-        self.state.clone_from(&snapshot.state);
-        self.periods = snapshot.periods;
-        self.failure.clone_from(&snapshot.failure);
-        Ok(())
     }
 
     /// Reads what the last solution of the contacts says: loads, centre of pressure, torques.
@@ -320,7 +281,7 @@ impl MujocoRobot {
     }
 
     /// Takes note of the warnings so far.
-    fn count_warnings(&mut self) {
+    pub(crate) fn count_warnings(&mut self) {
         for (count, stat) in self.warnings.iter_mut().zip(self.data.warning()) {
             *count = stat.number;
         }
@@ -468,13 +429,30 @@ impl Robot for MujocoRobot {
         if force_n.iter().any(|f| !f.is_finite()) {
             return Err(RobotError::Unsupported { what: "a push that is not finite" });
         }
-        self.data.xfrc_applied_mut()[self.binding.torso][..3].copy_from_slice(&force_n);
+        self.data.xfrc_applied_mut()[self.pushed][..3].copy_from_slice(&force_n);
         Ok(())
     }
 
     fn hold(&mut self, hold: Option<Hold>) -> Result<(), RobotError> {
         self.strap(hold);
         Ok(())
+    }
+
+    fn push_on(&mut self, body: &str) -> Result<(), RobotError> {
+        self.pushed = self.body(body)?;
+        Ok(())
+    }
+
+    fn take_over(&mut self, from: &dyn Robot) -> Result<(), RobotError> {
+        let other = from.as_any().and_then(|other| other.downcast_ref::<Self>());
+        let other = other.ok_or(RobotError::Unsupported { what: "taking over from a robot of another kind" })?;
+        let foreign = RobotError::Unsupported { what: "taking over from a robot of another shape" };
+        self.late.clone_from(&other.late);
+        self.restore(&other.snapshot()).map_err(|_| foreign)
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
+        Some(self)
     }
 
     fn geometry(&self) -> Vec<Shape> {

@@ -257,6 +257,10 @@ impl Robot for SensedRobot {
         self.robot.set_push(force_n)
     }
 
+    fn push_on(&mut self, body: &str) -> Result<(), RobotError> {
+        self.robot.push_on(body)
+    }
+
     fn hold(&mut self, hold: Option<Hold>) -> Result<(), RobotError> {
         self.robot.hold(hold)
     }

@@ -123,6 +123,15 @@ impl Columns {
         self.strides(&Table::parse(path, &text(path)?, rows)?, rows)
     }
 
+    /// Reads `record.csv`, each stride with the policy that was measured by it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn read_recorded(&self, path: &Path, rows: Rows) -> Result<Vec<(String, Transition)>, RecordError> {
+        self.recorded(&Table::parse(path, &text(path)?, rows)?)
+    }
+
     pub(crate) fn strides(&self, table: &Table, rows: Rows) -> Result<Vec<Transition>, RecordError> {
         if rows != Rows::First(0) {
             self.check(table)?;

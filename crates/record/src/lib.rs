@@ -21,6 +21,7 @@
 //! ));
 //! ```
 
+mod atlas;
 mod columns;
 mod error;
 mod events;
@@ -38,7 +39,9 @@ mod run;
 mod stride;
 mod summary;
 mod table;
+mod verdict;
 
+pub use atlas::{AtlasCell, AtlasHeadline, PushAtlas, direction_words};
 pub use columns::Columns;
 pub use error::RecordError;
 pub use events::{
@@ -57,6 +60,7 @@ pub use run::Run;
 pub use stride::{Fall, FallCriterion, Motion, RobotFall, StrideMeasures, StridePhase, StrideRole, Transition};
 pub use summary::{IterationSummary, SecondsSummary, StrideCounts, Summary};
 pub use table::{LARGEST, Rows};
+pub use verdict::{Judged, Ruling, RunVerdict};
 
 /// The version of the files that this crate writes and reads; a file of another version is refused by it.
 pub const FORMAT: u32 = 1;

@@ -8,6 +8,7 @@ use stridemap_learn::SavedPolicy;
 use stridemap_map::SavedMap;
 use stridemap_process::StrideEnd;
 
+use crate::atlas::{PushAtlas, cells};
 use crate::columns::Columns;
 use crate::error::RecordError;
 use crate::events::{Stop, stopped};
@@ -59,6 +60,8 @@ pub struct Run {
     pub push: Option<PushOutcome>,
     /// `push-nominal.csv` with `push-nominal.json`: the nominal gait under the same pushes.
     pub push_nominal: Option<PushOutcome>,
+    /// `push-atlas.csv` with `push-atlas.json`, and the nominal gait's.
+    pub atlases: Vec<PushAtlas>,
     /// Why the run stopped before its end, and when, as `events.ndjson` says; `None` if it does not.
     pub stopped: Option<Stop>,
     /// Files that are not there.
@@ -112,6 +115,7 @@ impl Run {
         if run.dir.join("push.csv").exists() {
             run.push = run.read_push("push");
         }
+        run.atlases = ["push-atlas", "push-atlas-nominal"].iter().filter_map(|stem| run.read_atlas(stem)).collect();
         if run.dir.join("push-nominal.csv").exists() {
             run.push_nominal = run.read_push("push-nominal");
         }
@@ -333,6 +337,17 @@ impl Run {
         let data = self.csv(&format!("{stem}.csv"), pairs)?;
         let outcome = self.json(&format!("{stem}.json"))?;
         Some(PushOutcome { data, ..outcome })
+    }
+}
+
+impl Run {
+    fn read_atlas(&mut self, stem: &str) -> Option<PushAtlas> {
+        if !self.dir.join(format!("{stem}.csv")).exists() {
+            return None;
+        }
+        let cells = self.csv(&format!("{stem}.csv"), cells)?;
+        let atlas: PushAtlas = self.json(&format!("{stem}.json"))?;
+        Some(PushAtlas { cells, ..atlas })
     }
 }
 

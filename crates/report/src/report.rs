@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::error::{ReportError, Result};
 use crate::figure::Figure;
 use crate::figures::{
-    actions, fig10, learning_curves, map_lines, map_slices, map_surface, path, policy, predicted_actual,
-    pushed_one_stride, standardized_residuals, state_over_strides, undisturbed_return_maps,
+    actions, fig10, learning_curves, map_lines, map_slices, map_surface, path, policy, predicted_actual, push_atlas,
+    pushed_one_stride, standardized_residuals, state_over_strides, undisturbed_return_maps, weakest_words,
 };
 use stridemap_record::{PushOutcome, Run};
 
@@ -41,7 +41,7 @@ impl Section {
 /// Draws everything that a run directory has data for.
 #[must_use]
 pub fn sections(run: &Run) -> Vec<Section> {
-    vec![learned_at_all(run), what_it_learned(run), trust(run), stability(run)]
+    vec![learned_at_all(run), will_it_fall(run), what_it_learned(run), trust(run), stability(run)]
 }
 
 fn learned_at_all(run: &Run) -> Section {
@@ -58,6 +58,28 @@ fn learned_at_all(run: &Run) -> Section {
     section.draw("State over strides", state_over_strides(run));
     section.draw("Actions", actions(run));
     section
+}
+
+fn will_it_fall(run: &Run) -> Section {
+    let mut section = Section::new("fall", "Will it fall?");
+    pushes(run, &mut section);
+    section
+}
+
+/// The push atlas, in words and as heat maps.
+fn pushes(run: &Run, section: &mut Section) {
+    if run.atlases.is_empty() {
+        let how = "How hard it may be pushed was not mapped; `stridemap push RUN --atlas` on this directory does.";
+        section.notes.push(how.to_owned());
+    }
+    for atlas in &run.atlases {
+        let who = if atlas.policy == "nominal" { "The nominal gait" } else { "The learned policy" };
+        if let Some(weakest) = atlas.weakest() {
+            let text = format!("{who} survives every push up to {}.", weakest_words(weakest));
+            section.notes.push(text);
+        }
+        section.draw("Push atlas", push_atlas(atlas));
+    }
 }
 
 fn what_it_learned(run: &Run) -> Section {

@@ -60,6 +60,14 @@ pub enum RobotError {
         /// What was asked.
         what: &'static str,
     },
+    /// The robot has no body of this name.
+    #[error("the robot has no body {body:?}; it has {}", known.join(", "))]
+    NoBody {
+        /// The name given.
+        body: String,
+        /// Its bodies.
+        known: Vec<String>,
+    },
     /// A simulator raised a warning (bad state, full buffers): its state can no longer be trusted.
     #[error("simulator warning at {time_s:.3} s: {warning}")]
     Simulator {

@@ -1,5 +1,7 @@
 //! Where a robot is, from what it can measure itself.
 
+use std::any::Any;
+
 use rand_chacha::ChaCha8Rng;
 
 use crate::command::JointTargets;
@@ -273,7 +275,7 @@ impl<M: Machine> EstimatedRobot<M> {
     }
 }
 
-impl<M: Machine> Robot for EstimatedRobot<M> {
+impl<M: Machine + 'static> Robot for EstimatedRobot<M> {
     fn description(&self) -> &RobotDescription {
         &self.description
     }
@@ -301,6 +303,22 @@ impl<M: Machine> Robot for EstimatedRobot<M> {
 
     fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
         self.machine.set_push(force_n)
+    }
+
+    fn push_on(&mut self, body: &str) -> Result<(), RobotError> {
+        self.machine.push_on(body)
+    }
+
+    fn take_over(&mut self, from: &dyn Robot) -> Result<(), RobotError> {
+        let other = from.as_any().and_then(|other| other.downcast_ref::<Self>());
+        let other = other.ok_or(RobotError::Unsupported { what: "taking over from a robot of another kind" })?;
+        self.machine.take_over(&other.machine)?;
+        self.estimator = other.estimator.clone();
+        Ok(())
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
+        Some(self)
     }
 
     fn engine_seconds(&self) -> Option<f64> {

@@ -1,5 +1,7 @@
 //! What a real machine offers: readings of its sensors, and a command for every servo.
 
+use std::any::Any;
+
 use rand_chacha::ChaCha8Rng;
 
 use crate::error::RobotError;
@@ -94,6 +96,29 @@ pub trait Machine: Send {
         Err(RobotError::Unsupported { what: "pushing the torso" })
     }
 
+    /// Names the body that is pushed, as [`Robot::push_on`](crate::Robot::push_on).
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::NoBody`], or [`RobotError::Unsupported`] on a machine that cannot push itself.
+    fn push_on(&mut self, _body: &str) -> Result<(), RobotError> {
+        Err(RobotError::Unsupported { what: "pushing a named body" })
+    }
+
+    /// Takes over the moment of another machine, as [`Robot::take_over`](crate::Robot::take_over).
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::Unsupported`] where either is no simulation in this process, or they differ in shape.
+    fn take_over(&mut self, _from: &dyn Machine) -> Result<(), RobotError> {
+        Err(RobotError::Unsupported { what: "being changed while it walks" })
+    }
+
+    /// Itself, for [`take_over`](Self::take_over).
+    fn as_any(&self) -> Option<&dyn Any> {
+        None
+    }
+
     /// Seconds of computing spent in the physics engine; `None` for a real machine.
     fn engine_seconds(&self) -> Option<f64> {
         None
@@ -133,6 +158,18 @@ impl<M: Machine + ?Sized> Machine for Box<M> {
 
     fn set_push(&mut self, force_n: [f64; 3]) -> Result<(), RobotError> {
         (**self).set_push(force_n)
+    }
+
+    fn push_on(&mut self, body: &str) -> Result<(), RobotError> {
+        (**self).push_on(body)
+    }
+
+    fn take_over(&mut self, from: &dyn Machine) -> Result<(), RobotError> {
+        (**self).take_over(from)
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
+        (**self).as_any()
     }
 
     fn engine_seconds(&self) -> Option<f64> {

@@ -1,5 +1,7 @@
 //! The trait that every robot implements.
 
+use std::any::Any;
+
 use rand_chacha::ChaCha8Rng;
 
 use crate::command::JointTargets;
@@ -119,7 +121,8 @@ pub trait Robot: Send {
     /// [`RobotError`] if the targets are refused or the equipment fails.
     fn step(&mut self, targets: &JointTargets) -> Result<&RobotState, RobotError>;
 
-    /// Sets a force, in the world frame, on the torso's centre of mass; it acts in every following
+    /// Sets a force, in the world frame, on the centre of mass of the torso, or of the body that
+    /// [`push_on`](Self::push_on) named; it acts in every following
     /// step until it is set anew. Zero at reset.
     ///
     /// # Errors
@@ -136,6 +139,30 @@ pub trait Robot: Send {
     /// [`RobotError::Unsupported`] on a robot that cannot hold itself (every real one).
     fn hold(&mut self, _hold: Option<Hold>) -> Result<(), RobotError> {
         Err(RobotError::Unsupported { what: "holding the base" })
+    }
+
+    /// Names the body on which pushes act from now on.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::NoBody`] with its bodies; [`RobotError::Unsupported`] on a robot that cannot push itself.
+    fn push_on(&mut self, _body: &str) -> Result<(), RobotError> {
+        Err(RobotError::Unsupported { what: "pushing a named body" })
+    }
+
+    /// Takes over the moment at which another simulated robot is, which has other masses, gains or friction, but the same
+    /// joints: so a robot is changed in the middle of a walk.
+    ///
+    /// # Errors
+    ///
+    /// [`RobotError::Unsupported`] where either is no simulation in this process, or they differ in shape.
+    fn take_over(&mut self, _from: &dyn Robot) -> Result<(), RobotError> {
+        Err(RobotError::Unsupported { what: "being changed while it walks" })
+    }
+
+    /// Itself, for [`take_over`](Self::take_over); `None` for a robot that no other can take over from.
+    fn as_any(&self) -> Option<&dyn Any> {
+        None
     }
 
     /// Seconds of computing spent in the physics engine alone since the robot was built; `None` for

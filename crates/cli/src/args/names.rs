@@ -11,6 +11,8 @@ pub enum BenchOf {
     Coverage,
     /// Whether bounds on falls hold the truth, on systems whose falls can be counted.
     TimeToFall,
+    /// The drift alarm: robots that change in the middle of a walk.
+    Drift,
     /// How pretrained networks walk, raw.
     Walk,
     /// Whether faults of the wiring are named before anything is learned.

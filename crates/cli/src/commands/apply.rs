@@ -19,17 +19,18 @@ use stridemap_record::{
 };
 
 use super::beside::Purpose;
+use super::drift::{Changed, Drift, DriftShown};
 use super::linked::{beside_run, plant};
 use super::{on_robot, say_differences};
-use crate::args::Common;
+use crate::args::{Change, Common};
 use crate::failure::Failure;
 use crate::output;
 
 /// Falls, and the strides in which they were counted.
-type FallsIn = (usize, usize);
+pub type FallsIn = (usize, usize);
 
 /// A run's task, with overrides, its policy or the nominal gait, and how often that fell when last measured.
-fn task_and_policy(
+pub fn task_and_policy(
     path: &Path,
     nominal: bool,
     common: &Common,
@@ -124,16 +125,19 @@ struct Walked {
     forward_m: f64,
     left_m: f64,
     speed_m_s: f64,
+    drift: Option<DriftShown>,
 }
 
 /// Applies a policy for some time, until the first fall.
 pub fn run(
     path: Option<&Path>,
     nominal: Option<&str>,
-    seconds: f64,
+    (seconds, change): (f64, &Change),
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
+    let mut changed = Changed::of(path, nominal, change, common)?;
+    let mut drift = Drift::of(path);
     let (task, policy, falls) = match (path, nominal) {
         (Some(path), _) => task_and_policy(path, false, common)?,
         (None, Some(name)) => {
@@ -151,14 +155,24 @@ pub fn run(
     let mut rows = vec![table.header()];
     let mut transitions: Vec<Transition> = Vec::new();
     let batch = Batch { iteration: 0, phase: StridePhase::Record, role: StrideRole::Record, strides: usize::MAX };
+    let failed = std::cell::Cell::new(None);
     // The batch has no end of its own: time or a fall ends it, by way of an error that is none.
     let result = make_strides(
         &mut plant,
         &ActionSource::Mean(&policy),
         Batch { strides: batch.strides.min(1_000_000), ..batch },
         &mut rng,
-        &mut |_, _| {},
+        &mut |plant, stride| {
+            if let Some(changed) = &mut changed {
+                changed.before(plant, stride);
+                failed.set(changed.failed());
+            }
+        },
         &mut |t| {
+            if let Some(error) = failed.take() {
+                return Err(error);
+            }
+            drift.saw(t)?;
             rows.push(table.row(t));
             transitions.push(t.clone());
             if t.end != StrideEnd::Crossing || t.time_s >= seconds {
@@ -190,6 +204,7 @@ pub fn run(
         forward_m,
         left_m: transitions.iter().map(|t| t.measures.left_m).sum(),
         speed_m_s: if walked_s > 0.0 { forward_m / walked_s } else { 0.0 },
+        drift: drift.shown(),
     };
     if common.json {
         return output::json(&shown);
@@ -211,6 +226,9 @@ pub fn run(
         shown.left_m,
     ));
     show_causes(&shown.causes);
+    if let Some(drift) = &shown.drift {
+        super::drift::show(drift);
+    }
     Ok(())
 }
 
@@ -272,7 +290,7 @@ fn film(plant: &mut Plant, task: &Task) -> Option<Arc<Mutex<Recording>>> {
 pub fn push(
     path: &Path,
     of: &dyn Fn(f64) -> PushConfig,
-    nominal: bool,
+    (body, nominal): (Option<&str>, bool),
     out: Option<&Path>,
     common: &Common,
 ) -> Result<(), Failure> {
@@ -288,6 +306,9 @@ pub fn push(
     let doing = Purpose::apply(format!("be pushed in {} strides", config.strides), falls);
     let beside = beside_run(&task, Some(path))?;
     let mut plant = plant(&task, common, &doing, beside.as_deref())?;
+    if let Some(body) = body {
+        plant.push_on(body).map_err(LabError::from)?;
+    }
     let config = of(plant.robot().description().mass_kg);
     let film = film(&mut plant, &task);
     let outcome = push_plant(&mut plant, &policy, config, common.seed, &mut |_| Ok(()))?;

@@ -60,6 +60,20 @@ pub fn learn(
     }
 }
 
+/// Learns anew around the policy of a run, on a robot that has changed.
+pub fn adapt(run: &Path, out: Option<&Path>, common: &Common) -> Result<(), Failure> {
+    let old = FinishedRun::open(run, &common.sets)?;
+    let (mut task, policy) = (old.task.clone(), old.policy()?);
+    policy.check_fits(&task.process_spec()?).map_err(LabError::from)?;
+    task.proven = Some(policy);
+    let name = format!("--adapt {}", run.display());
+    let loaded = builtin::LoadedTask { task, resolved: String::new(), file: None };
+    let path = out.map_or_else(|| PathBuf::from(format!("{}-adapted", run.display())), Path::to_path_buf);
+    let watcher = Box::new(RunProgress::new(&loaded.task));
+    let result = start(&name, &loaded, &path, common, &stop_flag(), watcher);
+    finished(&loaded.task, result, &path, common.json)
+}
+
 /// Runs one seed from the start to the end.
 pub fn start(
     name: &str,

@@ -2,11 +2,14 @@
 
 pub mod analyse;
 pub mod apply;
+pub mod atlas;
 pub mod bench;
+pub mod bench_drift;
 pub mod bench_stability;
 pub mod beside;
 pub mod bring_up;
 pub mod compare;
+pub mod drift;
 pub mod fetch;
 pub mod from_log;
 pub mod goals;
@@ -26,6 +29,7 @@ pub mod sweep;
 pub mod task;
 pub mod velocity;
 pub mod verbs;
+pub mod verdict;
 
 use std::path::Path;
 

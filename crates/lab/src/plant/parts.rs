@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stridemap_process::{ActionLimits, StrideEnd};
 use stridemap_record::{Fall, StridePhase, StrideRole};
-use stridemap_robot::{Robot, RobotError, RobotState, Side};
+use stridemap_robot::{Robot, RobotState};
 use stridemap_section::{Crossing, SectionConfig};
 
 use crate::fall::FailureConfig;
@@ -78,15 +78,6 @@ impl PlantCounters {
     }
 }
 
-/// A disturbance: a force on the torso for a while.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Push {
-    /// Lateral force, + to the robot's left.
-    pub left_n: f64,
-    /// For how long.
-    pub duration_s: f64,
-}
-
 /// What a [`Plant`](super::Plant) does at every control tick besides walking.
 pub trait TickObserver: Send {
     /// Called after each control period. `crossing` is set when a section was found in it, `push_n`
@@ -102,26 +93,4 @@ pub trait StrideObserver: Send {
     fn section(&mut self, crossing: &Crossing);
     /// A stride, or a start that did not come to a section, ended like this, and why if it was a fall.
     fn ended(&mut self, _end: StrideEnd, _fall: Option<&Fall>) {}
-}
-
-impl super::Plant {
-    /// Starts a pending push when the stance changes, and ends one whose time is over.
-    pub(super) fn update_push(&mut self, stance_before: Option<Side>) -> Result<(), RobotError> {
-        let now_s = self.robot_time_s();
-        if self.push_until_s.is_some_and(|until_s| now_s >= until_s - 1e-9) {
-            self.push_until_s = None;
-            self.push_force_n = None;
-            self.robot.set_push([0.0; 3])?;
-        }
-        let changed = stance_before.is_some() && self.detector.stance() != stance_before;
-        if let (true, Some(push)) = (changed, self.pending_push) {
-            let (sin, cos) = self.robot.state().base.heading_rad().sin_cos();
-            let force_n = [-sin * push.left_n, cos * push.left_n, 0.0];
-            self.robot.set_push(force_n)?;
-            self.pending_push = None;
-            self.push_force_n = Some(force_n);
-            self.push_until_s = Some(now_s + push.duration_s);
-        }
-        Ok(())
-    }
 }

@@ -7,7 +7,7 @@ use stridemap_mujoco::{ModelSource, compiled, sha256};
 
 use crate::error::LabError;
 use crate::provenance::task_differences;
-use crate::run::finished::{FinishedRun, MODEL_COPY, STRIDES, has_strides};
+use crate::run::finished::{FinishedRun, MODEL_COPY, PROVEN, STRIDES, has_strides};
 use crate::task::Task;
 use stridemap_record::{
     Columns, EVENTS, EVENTS_HEADER, LearningRow, Provenance, RecordError,
@@ -82,6 +82,9 @@ pub(super) fn build(path: &Path, place: &Path, task: &Task, provenance: &Provena
         *model = relative(place, model).unwrap_or_else(|| MODEL_COPY.into());
     }
     write_json(&path.join("provenance.json"), &provenance)?;
+    if let Some(proven) = &task.proven {
+        write_json(&path.join(PROVEN), proven)?;
+    }
     // No row is in them: a header of another task may be.
     for name in STRIDES.iter().chain(&["learning.csv"]) {
         write_whole(&path.join(name), b"")?;

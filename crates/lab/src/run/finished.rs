@@ -18,6 +18,9 @@ use stridemap_record::{
 /// A run's copy of the model file that its task names.
 pub(super) const MODEL_COPY: &str = "model.mjb";
 
+/// The policy from which a run began that adapts to a robot that has changed.
+pub(super) const PROVEN: &str = "policy/0.json";
+
 pub(super) const STRIDES: [&str; 2] = ["transitions.csv", "record.csv"];
 
 /// Whether a directory holds a run with at least one stride.
@@ -148,6 +151,8 @@ impl FinishedRun {
         let mut task = crate::builtin::load_file(&config, sets)?.task;
         let provenance: Provenance = read_json(&path.join("provenance.json"))?;
         use_copy(path, &mut task, &provenance)?;
+        let proven = path.join(PROVEN);
+        task.proven = proven.exists().then(|| read_json(&proven)).transpose()?;
         let (progress, [transitions, record, _], checkpoint_seed) = read_progress(path, &task)?;
         Ok(Self { path: path.into(), task, provenance, progress, rows: [transitions, record], checkpoint_seed })
     }
@@ -184,6 +189,20 @@ impl FinishedRun {
         self.progress.final_performance.is_some()
             && self.provenance.end.is_some()
             && self.path.join("summary.json").exists()
+    }
+
+    /// The strides by which the final policy was measured: settled ones of it on the robot that was learned.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Record`].
+    pub fn final_strides(&self) -> Result<Vec<Transition>, LabError> {
+        let table = Columns::new(&self.task.process_spec()?);
+        let mut made = table.read_recorded(&self.path.join("record.csv"), Rows::First(self.rows[1]))?;
+        // One that was rejected as final was measured before the one that is.
+        let begins = |(what, t): &(String, Transition)| what == "final" && (t.episode, t.k) == (0, 0);
+        let last = made.iter().rposition(begins).unwrap_or(made.len());
+        Ok(made.split_off(last).into_iter().map(|(_, t)| t).collect())
     }
 
     /// The run's policy: the final one; before there is one the best so far, or the newest if none is proven.

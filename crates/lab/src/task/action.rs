@@ -6,7 +6,7 @@ use stridemap_learn::ActionRole;
 
 use crate::dither::Dither;
 use crate::error::{LabError, unless};
-use crate::strides::{Exploration, ExploreRange};
+use crate::strides::{ActionSource, Exploration, ExploreRange};
 use crate::task::Task;
 
 /// How the entries of `[[action]]` inherit, and where earlier versions had a list with a value per component.
@@ -191,6 +191,18 @@ impl Task {
             memory: explore.memory.unwrap_or(0.0),
             fade_in: if neutral.is_some() { explore.fade_in.unwrap_or(0) } else { 0 },
         }
+    }
+
+    /// How it explores first: in its own ranges, or around the policy from which it begins, a quarter as far.
+    pub(crate) fn first_exploration(&self) -> ActionSource<'_> {
+        const SHARE: f64 = 0.25;
+        let mut explore = self.exploration();
+        let Some(proven) = &self.proven else { return ActionSource::Explore(explore) };
+        for range in &mut explore.ranges {
+            let half = 0.5 * SHARE * (range.center[1] - range.center[0]);
+            range.center = [-half, half];
+        }
+        ActionSource::Around(proven, explore)
     }
 
     /// Standard deviations of what is added to a policy's action during a trial; nothing, not even zeros, without any.

@@ -28,6 +28,7 @@ impl Task {
         if let Some(caution) = &self.caution {
             caution.validate()?;
         }
+        self.verdict.map_or(Ok(()), |verdict| verdict.check())?;
         let kind = self.learner.kind;
         unless(
             self.caution.is_some() || !kind.needs_caution(),

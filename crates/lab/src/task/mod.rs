@@ -29,6 +29,7 @@ use crate::error::{Invalid, LabError};
 use crate::fall::FailureConfig;
 use crate::goal::GoalConfig;
 use crate::learner::{ControlsConfig, SearchSettings};
+use crate::limits::VerdictConfig;
 use crate::plant::{Plant, PlantAction, PlantTask};
 use crate::reward::RewardTerm;
 use crate::state::StateComponent;
@@ -87,6 +88,9 @@ pub struct Task {
     pub record: RecordConfig,
     /// When a run counts as a success.
     pub success: SuccessConfig,
+    /// Limits of a deployment; left out: those of `stridemap verdict`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<VerdictConfig>,
     /// The gait for which the actions were chosen, where they are to be scaled to this task's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<ScaleConfig>,
@@ -96,6 +100,10 @@ pub struct Task {
     /// Where values came from that the robot told: a line each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub told: Vec<String>,
+    /// The policy that was proven before on a robot that is now another, from which it begins: it takes the place of the
+    /// nominal gait as the mark to beat, and exploration goes around it. Kept in the run as `policy/0.json`.
+    #[serde(skip)]
+    pub proven: Option<SavedPolicy>,
     /// Where it was written.
     #[serde(skip)]
     pub written: Written,
@@ -210,12 +218,15 @@ impl Task {
         Ok(self.plant_actions()?.into_iter().map(|a| a.limits).collect())
     }
 
-    /// The policy that leaves the nominal gait alone; with goals, the raw command.
+    /// The policy that leaves the nominal gait alone; with goals, the raw command; where a task begins from a proven policy, that.
     ///
     /// # Errors
     ///
     /// As [`Self::validate`].
     pub fn nominal_policy(&self) -> Result<SavedPolicy, LabError> {
+        if let Some(proven) = &self.proven {
+            return Ok(proven.clone());
+        }
         if !self.goal.is_empty() {
             return Ok(self.raw_command()?.to_saved());
         }

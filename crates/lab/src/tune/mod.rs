@@ -361,7 +361,7 @@ fn variant_s(task: &Task, variant: usize, seed: u64) -> Result<f64, LabError> {
         }
         if variant == VARIANTS - 1 && stride % PUSH_EVERY == 0 {
             let left_n = if stride % (2 * PUSH_EVERY) == 0 { push_n } else { -push_n };
-            plant.push_in_next_stride(Push { left_n, duration_s: PUSH_S });
+            plant.push_in_next_stride(Push::sideways(left_n, PUSH_S));
         }
         if plant.stride(&neutral, &mut rng)?.end != StrideEnd::Crossing {
             return Ok(plant.robot().state().time_s.min(NOMINAL_S - 0.01));

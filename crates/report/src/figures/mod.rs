@@ -1,6 +1,7 @@
 //! The figures of the paper and of a run, each a function from plain data to a [`Figure`](crate::Figure).
 
 mod actions;
+mod atlas;
 mod check;
 mod lines;
 mod map;
@@ -22,6 +23,7 @@ mod trust;
 mod tune;
 
 pub use actions::actions;
+pub use atlas::push_atlas;
 pub use lines::map_lines;
 pub use map::{map_slices, map_surface};
 pub use paper::{Fig7, Fig8, Fig9, PolicyCurve, fig7, fig8, fig9};
@@ -40,5 +42,6 @@ pub use trust::{predicted_actual, standardized_residuals};
 pub use tune::{TriedGait, tried_gaits};
 
 pub(crate) use actions::{verdict_words, warning_words};
+pub(crate) use atlas::weakest_words;
 pub(crate) use names::{label, quantity};
 pub(crate) use of_run::{mean_reward, measured};

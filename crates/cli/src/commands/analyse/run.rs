@@ -134,7 +134,7 @@ fn walk(task: &Task, policy: &SavedPolicy, seed: u64, discard: usize) -> Result<
 pub fn brute_force(run: &FinishedRun, walks: usize, seed: u64, threads: Option<usize>) -> Result<BruteForce, Failure> {
     let policy = run.policy()?;
     let discard = run.task.record.discard;
-    let progress = crate::progress::SeedProgress::new(walks);
+    let progress = crate::progress::SeedProgress::new(walks, "walks");
     let one = |number: u64| {
         let walked = walk(&run.task, &policy, seed.wrapping_mul(1_000_003).wrapping_add(number), discard);
         progress.done(&format!("walk {number}"));
