@@ -111,11 +111,6 @@ impl Model {
     fn graph(message: &[u8]) -> Result<Self, OnnxError> {
         let (mut nodes, mut named, mut ins, mut outs) = (Vec::new(), HashMap::new(), Vec::new(), Vec::new());
         let mut values = Vec::new();
-        let mut place = |values: &mut Vec<Tensor>, name: String, tensor: Tensor| {
-            values.push(tensor);
-            named.insert(name, values.len() - 1);
-            values.len() - 1
-        };
         for (number, value) in fields(message)? {
             let bytes = value.bytes().unwrap_or_default();
             match number {
@@ -124,14 +119,16 @@ impl Model {
                     if node.operator == "Constant" {
                         let constant = node.attributes.remove("value").and_then(|a| a.tensor);
                         let constant = constant.ok_or_else(|| unknown("Constant", "holds no tensor"))?;
-                        place(&mut values, node.outputs.pop().unwrap_or_default(), constant);
+                        named.insert(node.outputs.pop().unwrap_or_default(), values.len());
+                        values.push(constant);
                     } else {
                         nodes.push(node);
                     }
                 }
                 5 => {
                     let (name, tensor) = tensor(bytes)?;
-                    place(&mut values, name, tensor);
+                    named.insert(name, values.len());
+                    values.push(tensor);
                 }
                 11 => ins.push(width(bytes)?),
                 12 => outs.push(width(bytes)?),
@@ -142,7 +139,6 @@ impl Model {
             [(name, width)] => Ok((name.clone(), *width)),
             _ => Err(unknown("graph", format!("has {} {what}; known are networks with one", of.len()))),
         };
-        drop(place);
         // Files of older makers list their constants among the inputs.
         ins.retain(|(name, _)| !named.contains_key(name));
         let (input_name, inputs) = only(&ins, "inputs")?;

@@ -8,8 +8,8 @@ use crate::figure::Figure;
 use stridemap_process::StrideEnd;
 use stridemap_record::{Run, Transition};
 
-/// Height of the panels over the width of one, in pixels: metres are as long along both axes.
-const ASPECT: f64 = 300.0 / 300.0;
+/// Height of a panel over its width, as it is where there are two: metres are as long along both axes.
+const ASPECT: f64 = 1.0;
 
 /// A way on the floor: places at the strides' ends, from the origin along +x, and where the robot fell.
 #[derive(Default)]
