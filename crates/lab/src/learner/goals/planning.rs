@@ -93,16 +93,11 @@ fn plan_in(
     let count = goals.learning.pairs.min(recorded.len());
     let pairs: Vec<(Vec<f64>, Goal)> =
         (0..count).map(|i| &recorded[i * recorded.len() / count]).map(|t| (t.state.to_vec(), t.goal.clone())).collect();
-    if planner
-        .follows
-        .iter()
-        .zip(&planner.roles)
-        .any(|(f, r)| f.is_none() && *r == stridemap_learn::ActionRole::Command)
-    {
-        if let Some((state, _)) = pairs.first() {
-            let middle: Vec<f64> = goals.task.goal.iter().map(|g| 0.5 * (g.range[0] + g.range[1])).collect();
-            planner.start = Some(law_about(&planner, &middle, state));
-        }
+    let named = planner.follows.iter().zip(&planner.roles);
+    let unnamed = named.into_iter().any(|(f, r)| f.is_none() && *r == stridemap_learn::ActionRole::Command);
+    if let (true, Some((state, _))) = (unnamed, pairs.first()) {
+        let middle: Vec<f64> = goals.task.goal.iter().map(|g| 0.5 * (g.range[0] + g.range[1])).collect();
+        planner.start = Some(law_about(&planner, &middle, state));
     }
     if chooses {
         planner.values = choose_constants(&planner, &pairs, goals.learning.candidates, rng);
