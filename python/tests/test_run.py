@@ -115,7 +115,10 @@ def test_an_exception_in_a_callback_comes_back(small: dict, tmp_path: Path):
         stridemap.learn("stepping", out=tmp_path / "run", set=small, on_stride=on_stride)
 
 
-def test_ctrl_c_ends_a_run_that_can_go_on(small: dict, tmp_path: Path):
+def test_ctrl_c_ends_a_run_that_can_go_on(small: dict, tmp_path: Path, request: pytest.FixtureRequest):
+    # A process that was started in the background ignores it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     strides: list[dict] = []
 
     def on_stride(stride: dict) -> None:
