@@ -472,7 +472,7 @@ pub enum Command {
         /// Something else than times.
         #[arg(value_enum)]
         what: Option<BenchOf>,
-        /// Robots: where models, task files and runs go.
+        /// Robots: where models, task files and runs go. Learners: where learners.jsonl is; what it has is not run again.
         #[arg(long, default_value = "runs/robots")]
         out: PathBuf,
         /// Robots, networks, drift: only those whose name holds this. Preflight: the task, g1-velocity if left out.
@@ -481,7 +481,7 @@ pub enum Command {
         /// Networks, preflight: overrides one value of the task; may be repeated.
         #[arg(long = "set", value_name = "KEY=VALUE")]
         sets: Vec<String>,
-        /// Robots, drift (20): seeds of learn for each. Networks: minutes of each command. Preflight: seeds. Default: 5.
+        /// Robots, learners, drift (20): seeds of learn for each. Networks: minutes of each command. Preflight: seeds. Default: 5.
         #[arg(long, value_parser = count::<u64>(1000))]
         seeds: Option<u64>,
         /// Robots: walking forward (`tune --walk`, `walking-auto`) instead of stepping.

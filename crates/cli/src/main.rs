@@ -172,6 +172,9 @@ fn run_other(command: Command) -> Result<(), Failure> {
         Command::Bench { what: Some(args::BenchOf::Robots), out, only, seeds, walk, .. } => {
             commands::robots::robots(&out, seeds.unwrap_or(5), only.as_deref(), walk)
         }
+        Command::Bench { what: Some(args::BenchOf::Learners), out, only, seeds, json, .. } => {
+            commands::bench_learners::bench(&out, seeds.unwrap_or(5), only.as_deref(), json)
+        }
         Command::Bench { json, .. } => commands::bench::bench(json),
     }
 }

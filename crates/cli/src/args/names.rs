@@ -13,6 +13,8 @@ pub enum BenchOf {
     TimeToFall,
     /// The drift alarm: robots that change in the middle of a walk.
     Drift,
+    /// Learners and controls side by side, from seed 4201 on.
+    Learners,
     /// How pretrained networks walk, raw.
     Walk,
     /// Whether faults of the wiring are named before anything is learned.

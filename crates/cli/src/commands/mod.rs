@@ -5,6 +5,7 @@ pub mod apply;
 pub mod atlas;
 pub mod bench;
 pub mod bench_drift;
+pub mod bench_learners;
 pub mod bench_stability;
 pub mod beside;
 pub mod bring_up;
