@@ -8,7 +8,9 @@
 //! plane with slopes that are shrunk, and the bend comes with the data. Six parameters an output, found as the mode of
 //! the evidence times log-normal priors \[RW06, eq. (5.8)\]. Inputs and targets are the caller's to bring to order one.
 
-use pulp::{Arch, Simd, WithSimd};
+mod products;
+
+use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use crate::aligned::Aligned;
@@ -17,7 +19,8 @@ use crate::error::{GpError, Result, check_len};
 use crate::optimize::{Limits, Objective, minimize};
 use crate::panels::{InverseFactor, NormSquared};
 use crate::points::Points;
-use crate::vector::{exp, padded};
+use crate::vector::padded;
+use products::{Bent, Dot, Gram, Seen};
 
 /// Parameters of an output: `a`, `b`, `s`, `ℓ_x`, `ℓ_u`, `σ`.
 const PARAMETERS: usize = 6;
@@ -83,96 +86,6 @@ pub struct GroupedScratch {
     along: [Vec<f64>; 2],
     bent: Vec<f64>,
     k: Vec<f64>,
-}
-
-/// Products of all pairs of points in one group.
-struct Gram {
-    along: Vec<f64>,
-    far: Vec<f64>,
-}
-
-/// Squared distances and products between one point and all, group by group.
-struct Seen<'a> {
-    columns: &'a [f64],
-    stride: usize,
-    z: &'a [f64],
-    along: &'a mut [f64],
-    far: &'a mut [f64],
-}
-
-impl WithSimd for Seen<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let (along, _) = S::as_mut_simd_f64s(self.along);
-        let (far, _) = S::as_mut_simd_f64s(self.far);
-        let zero = simd.splat_f64s(0.0);
-        along.fill(zero);
-        far.fill(zero);
-        for (row, z) in self.columns.chunks_exact(self.stride).zip(self.z) {
-            let (row, _) = S::as_simd_f64s(row);
-            let z = simd.splat_f64s(*z);
-            for ((along, far), x) in along.iter_mut().zip(far.iter_mut()).zip(row) {
-                let d = simd.sub_f64s(*x, z);
-                *along = simd.mul_add_e_f64s(*x, z, *along);
-                *far = simd.mul_add_e_f64s(d, d, *far);
-            }
-        }
-    }
-}
-
-/// `s² exp(−far₀ w₀ − far₁ w₁)` for all points.
-struct Bent<'a> {
-    far: [&'a [f64]; 2],
-    weights: [f64; 2],
-    variance: f64,
-    out: &'a mut [f64],
-}
-
-impl WithSimd for Bent<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let (out, _) = S::as_mut_simd_f64s(self.out);
-        let (first, _) = S::as_simd_f64s(self.far[0]);
-        let (second, _) = S::as_simd_f64s(self.far[1]);
-        let [w0, w1] = self.weights.map(|w| simd.splat_f64s(-w));
-        let variance = simd.splat_f64s(self.variance);
-        for ((out, a), b) in out.iter_mut().zip(first).zip(second) {
-            let argument = simd.mul_add_e_f64s(*a, w0, simd.mul_f64s(*b, w1));
-            *out = simd.mul_f64s(variance, exp(simd, argument));
-        }
-    }
-}
-
-/// `a · b`, for slices of the same padded length.
-struct Dot<'a>(&'a [f64], &'a [f64]);
-
-impl WithSimd for Dot<'_> {
-    type Output = f64;
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (a, _) = S::as_simd_f64s(self.0);
-        let (b, _) = S::as_simd_f64s(self.1);
-        let mut sums = [simd.splat_f64s(0.0); 2];
-        for (i, (a, b)) in a.iter().zip(b).enumerate() {
-            sums[i % 2] = simd.mul_add_e_f64s(*a, *b, sums[i % 2]);
-        }
-        simd.reduce_sum_f64s(simd.add_f64s(sums[0], sums[1]))
-    }
-}
-
-impl Gram {
-    fn of(columns: &[f64], stride: usize, n: usize, arch: Arch) -> Self {
-        let (mut along, mut far) = (vec![0.0; n * stride], vec![0.0; n * stride]);
-        let dims = columns.len() / stride;
-        for j in 0..n {
-            let z: Vec<f64> = (0..dims).map(|d| columns[d * stride + j]).collect();
-            let (along, far) = (&mut along[j * stride..(j + 1) * stride], &mut far[j * stride..(j + 1) * stride]);
-            arch.dispatch(Seen { columns, stride, z: &z, along, far });
-        }
-        Self { along, far }
-    }
 }
 
 /// Minus the log of evidence times prior, as a function of the log parameters.
@@ -533,84 +446,4 @@ impl TryFrom<SavedGrouped> for Grouped {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn rows(n: usize) -> Vec<f64> {
-        (0..3 * n).map(|i| ((i * i) as f64 * 0.37).sin() * 1.3).collect()
-    }
-
-    fn options(bends: bool) -> GroupedOptions {
-        GroupedOptions { first: 2, bends, medians: [0.6, 0.6, 0.5, 3.6, 2.0, 0.4], log_std: 1.0 }
-    }
-
-    /// The gradient is that of the value, by central differences.
-    #[test]
-    fn the_gradient_is_the_slope_of_the_value() {
-        let n = 17;
-        let inputs = rows(n);
-        let (columns, stride) = columns_of(&inputs, 3);
-        let arch = Arch::new();
-        let grams = [
-            Gram::of(&columns[..2 * stride], stride, n, arch),
-            Gram::of(&columns[2 * stride..3 * stride], stride, n, arch),
-        ];
-        let y: Vec<f64> = inputs.chunks(3).map(|r| r[0] - 0.5 * r[2] + (2.0 * r[2]).sin()).collect();
-        let options = options(true);
-        let square = || vec![0.0; n * stride];
-        let mut posterior = Posterior {
-            options: &options,
-            grams: &grams,
-            y: &y,
-            n,
-            stride,
-            arch,
-            dense: DenseScratch::new(n),
-            bent: square(),
-            factor: square(),
-            inverse: square(),
-            alpha: vec![0.0; n],
-            theta: [1.0; PARAMETERS],
-        };
-        let at = [-0.3, 0.2, -0.4, 0.5, 0.1, -1.0];
-        posterior.value(&at).unwrap();
-        let mut gradient = [0.0; PARAMETERS];
-        posterior.gradient(&mut gradient);
-        for p in 0..PARAMETERS {
-            let mut value = |step: f64| {
-                let mut moved = at;
-                moved[p] += step;
-                posterior.value(&moved).unwrap()
-            };
-            let slope = (value(1e-5) - value(-1e-5)) / 2e-5;
-            assert!((slope - gradient[p]).abs() < 1e-5 * (1.0 + slope.abs()), "{p}: {slope} {}", gradient[p]);
-        }
-    }
-
-    /// Against the textbook, in dense algebra of nalgebra's kind by hand: K⁻¹ by the definition of mean and variance at
-    /// a training point with tiny noise; a file brings the same numbers back.
-    #[test]
-    fn predictions_interpolate_are_plain_without_bend_and_come_back_from_a_file() {
-        let inputs = rows(25);
-        let points = Points::new(&inputs, 3).unwrap();
-        let plane: Vec<f64> = inputs.chunks(3).map(|r| 0.2 + 0.7 * r[0] - 0.4 * r[1] + 0.9 * r[2]).collect();
-        let bent: Vec<f64> = inputs.chunks(3).map(|r| 0.5 * r[0] * r[2]).collect();
-        let mut scratch = GroupedScratch::default();
-        for (bends, y) in [(false, &plane), (true, &plane), (true, &bent)] {
-            let map = Grouped::fit(points, &[y], options(bends)).unwrap();
-            for (row, y) in inputs.chunks(3).zip(y) {
-                map.look(row, &mut scratch);
-                let (mean, variance) = map.predict(0, &mut scratch, row);
-                assert!((mean - y).abs() < 0.05, "{mean} {y}");
-                assert!((0.0..0.05).contains(&variance));
-            }
-            let text = serde_json::to_string(map.saved()).unwrap();
-            let back = Grouped::try_from(serde_json::from_str::<SavedGrouped>(&text).unwrap()).unwrap();
-            let z = [0.3, -0.2, 0.1];
-            back.look(&z, &mut scratch);
-            let again = back.predict(0, &mut scratch, &z);
-            map.look(&z, &mut scratch);
-            assert_eq!(again, map.predict(0, &mut scratch, &z));
-        }
-    }
-}
+mod tests;
