@@ -41,12 +41,14 @@ fn interval(values: &[f64]) -> (f64, f64) {
     (mean, 2.093 * (variance / n).sqrt())
 }
 
+type Failure = Box<dyn std::error::Error>;
+
 /// The policies of all seeds with these decays, judged; `None` for one that diverged.
 fn over_seeds(
     config: &ActorCriticConfig,
-    process: &dyn Fn() -> Result<Box<dyn StrideProcess>, Box<dyn std::error::Error>>,
-    judge: &dyn Fn(&dyn Policy) -> Result<f64, Box<dyn std::error::Error>>,
-) -> Result<(Vec<f64>, usize), Box<dyn std::error::Error>> {
+    process: &dyn Fn() -> Result<Box<dyn StrideProcess>, Failure>,
+    judge: &dyn Fn(&dyn Policy) -> Result<f64, Failure>,
+) -> Result<(Vec<f64>, usize), Failure> {
     let (mut values, mut diverged) = (Vec::new(), 0);
     for seed in FIRST_SEED..FIRST_SEED + SEEDS {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -60,7 +62,7 @@ fn over_seeds(
     Ok((values, diverged))
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Failure> {
     const ETAS: [f64; 5] = [0.0, 0.3, 0.6, 0.9, 0.95];
     const GAMMAS: [f64; 4] = [0.3, 0.6, 0.9, 0.95];
     println!("map       gamma   eta   mean [95 %], diverged (eta = gamma is marked =)");
@@ -73,7 +75,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 mean_weights_within_bounds: true,
                 ..ActorCriticConfig::stepping()
             };
-            let map = || -> Result<Box<dyn StrideProcess>, Box<dyn std::error::Error>> {
+            let map = || -> Result<Box<dyn StrideProcess>, Failure> {
                 Ok(Box::new(LinearGaussianMap::new(LinearGaussianParameters::stepping())?))
             };
             let (values, diverged) = over_seeds(&step, &map, &stepping)?;
@@ -84,13 +86,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 outputs: vec![Output { unit: 0.3, mean_weight_limit: None }],
                 ..step
             };
-            let map = || -> Result<Box<dyn StrideProcess>, Box<dyn std::error::Error>> {
+            let map = || -> Result<Box<dyn StrideProcess>, Failure> {
                 Ok(Box::new(CliffWalk::new(CliffWalkParameters::default())))
             };
             // Judged alike whatever it learned with: the value from rest at 0.9, of the best one.
             let exact = CliffWalk::new(CliffWalkParameters::default());
             let best = exact.best_from_rest(0.9);
-            let judge = |policy: &dyn Policy| -> Result<f64, Box<dyn std::error::Error>> {
+            let judge = |policy: &dyn Policy| -> Result<f64, Failure> {
                 Ok(exact.value_from_rest(&|x| policy.mean(&[x].into())[0], 0.9) / best)
             };
             let (values, diverged) = over_seeds(&cliff, &map, &judge)?;

@@ -95,11 +95,6 @@ fn each_learner_walks_near_the_cliff_and_not_over_it() {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let policy = learner.improve(&mut map, None, &mut rng, &mut |_| ()).unwrap().policy;
         let value = map.value_from_rest(&|x| policy.mean(&[x].into())[0], network.discount);
-        println!(
-            "cliff {name} seed {seed}: {:.4} of the best {best:.3}; constant {:.4}",
-            value / best,
-            constant / best
-        );
         assert!(value > 0.92 * best, "{name}, seed {seed}: {value}, best {best}, best constant {constant}");
     }
 }

@@ -184,9 +184,8 @@ impl SensedRobot {
                 let [ahead, left] = s.odometry_bias_m_s.map(|bias| bias * dt_s);
                 self.drift_m[0] += cos * ahead - sin * left;
                 self.drift_m[1] += sin * ahead + cos * left;
-                for k in 0..2 {
-                    place[k] += self.drift_m[k] + self.normal(s.odometry_noise_m);
-                }
+                place[0] += self.drift_m[0] + self.normal(s.odometry_noise_m);
+                place[1] += self.drift_m[1] + self.normal(s.odometry_noise_m);
             }
             let shift = [0, 1].map(|k| place[k] - state.base.position_m[k]);
             let moved = |[x, y, z]: [f64; 3]| [x + shift[0], y + shift[1], z];
