@@ -181,7 +181,7 @@ fn list_says_what_a_task_may_name() {
         assert!(parts.clone().all(|p| !p["about"].as_str().unwrap().is_empty()));
         parts.map(|p| p["name"].as_str().unwrap().into()).collect()
     };
-    assert_eq!(names("gaits"), ["oscillator"]);
+    assert_eq!(names("gaits"), ["oscillator", "onnx", "zmp"]);
     assert_eq!(names("robots"), ["op3", "op3-ideal", "ros2"]);
     for (kind, key, expected) in [
         ("learners", "learner.kind=x", "search"),
