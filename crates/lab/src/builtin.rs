@@ -275,10 +275,12 @@ mod tests {
         for (file, name) in [("stepping", "stepping"), ("walking", "walking"), ("small-walking", "small-walking")] {
             let old = load_file(&corpus.join(format!("task/{file}-resolved.toml")), &[]).unwrap().task;
             let now = load(name, &[]).unwrap().task;
-            assert_eq!(
-                (&old.action, &old.caution, old.collect.explore),
-                (&now.action, &now.caution, now.collect.explore)
-            );
+            // Thresholds that are not asked for were beyond any robot there, and are left out here.
+            let moved = |task: &Task| {
+                let caution = task.caution.as_ref().map(|c| (c.trust.clone(), c.proof.clone()));
+                (task.action.clone(), caution, task.collect.explore)
+            };
+            assert_eq!(moved(&old), moved(&now), "{name}");
         }
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("old.toml");
