@@ -302,9 +302,11 @@ mod tests {
             let found = coverage(case, 60, 5).unwrap();
             // 95 % of 60 with a standard error of 2.8 %: 87 % is three of them away.
             assert!(found.coverage.iter().all(|c| *c > 0.86), "{found}");
-            assert_eq!(found, coverage(case, 60, 5).unwrap());
+            if case == Case::Unknown {
+                assert!(found.least_squares[0] < 0.9, "{found}");
+                assert!(found.rmse_largest < found.least_squares_rmse_largest, "{found}");
+            }
         }
-        let noisy = coverage(Case::Unknown, 60, 5).unwrap();
-        assert!(noisy.least_squares[0] < 0.9 && noisy.rmse_largest < noisy.least_squares_rmse_largest, "{noisy}");
+        assert_eq!(coverage(Case::Unknown, 4, 5).unwrap(), coverage(Case::Unknown, 4, 5).unwrap());
     }
 }

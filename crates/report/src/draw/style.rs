@@ -45,7 +45,7 @@ const RULES: &[(&str, &str, &str)] = &[
 /// Rules that hold in either theme.
 const FIXED: &str = "text{font-family:Inter,\"DejaVu Sans\",system-ui,sans-serif}\
 .ttl,.pnl{font-weight:600}.l{fill:none;stroke-linejoin:round;stroke-linecap:butt}\
-.grid,.axis,.ref{fill:none}.cw{stroke:white}.on-dark{fill:white}.on-bright{fill:#111417}.shade{fill-opacity:.3}";
+.grid,.axis,.ref{fill:none}.cw{stroke:white}.on-dark{fill:white}.on-bright{fill:black}.shade{fill-opacity:.3}";
 
 fn colored(prefix: &str, color: impl Fn(usize) -> String) -> String {
     let index = |name: &str| PALETTE.iter().position(|p| p.0 == name).unwrap_or(1);
