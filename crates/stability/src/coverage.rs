@@ -299,9 +299,9 @@ mod tests {
     #[test]
     fn intervals_hold_the_truth_and_least_squares_does_not_under_noise() {
         for case in Case::ALL {
-            let found = coverage(case, 60, 5).unwrap();
-            // 95 % of 60 with a standard error of 2.8 %: 87 % is three of them away.
-            assert!(found.coverage.iter().all(|c| *c > 0.86), "{found}");
+            let found = coverage(case, 20, 5).unwrap();
+            // 95 % of 20 with a standard error of 4.9 %: 80 % is three of them away. `bench coverage` asks hundreds.
+            assert!(found.coverage.iter().all(|c| *c > 0.79), "{found}");
             if case == Case::Unknown {
                 assert!(found.least_squares[0] < 0.9, "{found}");
                 assert!(found.rmse_largest < found.least_squares_rmse_largest, "{found}");
