@@ -347,7 +347,7 @@ pub enum Command {
         #[arg(long)]
         no_open: bool,
     },
-    /// May this policy be deployed? Limits of the task's [verdict] against walks, pushes and multipliers: pass (exit 0), fail
+    /// May this policy be deployed? Limits of the task's `[verdict]` against walks, pushes and multipliers: pass (exit 0), fail
     /// (1), cannot tell (3).
     #[command(after_help = "Example, in CI:\n  stridemap verdict runs/walking-1 --junit verdict.xml --markdown \
         verdict.md\n  stridemap verdict runs/walking-1 --set verdict.survived_push_m_s_at_least=0.2")]

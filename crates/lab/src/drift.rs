@@ -121,7 +121,7 @@ impl DriftMonitor {
     ///
     /// # Errors
     ///
-    /// [`LabError::TooFewStrides`] with fewer than [`FEWEST`] settled strides; [`LabError::Map`].
+    /// [`LabError::TooFewStrides`] with fewer than 40 settled strides; [`LabError::Map`].
     pub fn new(map: LearnedMap, strides: &[Transition]) -> Result<Self, LabError> {
         let names: Vec<String> = map.world().spec.state.iter().map(|d| d.name.clone()).collect();
         let invariant = map.config().invariant.clone();

@@ -17,22 +17,22 @@ pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 ///
 /// # Example
 ///
-/// A step of the reference by 0.1 m in half a second: the mass leans towards it before, and arrives.
+/// A step of the reference by 0.1 m in three seconds, beyond what is seen at first: the mass leans towards it before, and arrives.
 ///
 /// ```
 /// use stridemap_gait::{Preview, PreviewAxis};
 ///
 /// let preview = Preview::new(0.8, 0.01, 1.6);
 /// let mut axis = PreviewAxis::default();
-/// let step = |k: usize| if k >= 50 { 0.1 } else { 0.0 };
+/// let step = |k: usize| if k >= 300 { 0.1 } else { 0.0 };
 /// let mut worst: f64 = 0.0;
-/// for k in 0..400 {
+/// for k in 0..700 {
 ///     let ahead: Vec<f64> = (0..=preview.samples()).map(|j| step(k + j)).collect();
 ///     preview.advance(&mut axis, &ahead);
-///     if k == 45 {
+///     if k == 295 {
 ///         assert!(axis.position_m() > 0.02); // it has left before the step is asked for
 ///     }
-///     if !(40..70).contains(&k) {
+///     if !(290..320).contains(&k) {
 ///         worst = worst.max((preview.zmp_m(&axis) - step(k + 1)).abs());
 ///     }
 /// }
